@@ -1,1 +1,1 @@
-"""The stages of a project: one verb each, reading artifacts, adjusting, writing artifacts."""
+"""The stages of a project: each reads artifacts, computes, and writes artifacts."""

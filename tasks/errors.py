@@ -24,7 +24,7 @@ class AerocalError(Exception):
     stage: str | None = None
 
     def __reduce__(self) -> tuple[Callable[..., AerocalError], tuple[object, ...]]:
-        """Come back from a worker process with all attributes, however they were given."""
+        """Return from a worker process with all attributes, however they were given."""
         return _with_attributes, (type(self), dict(vars(self)))
 
 

@@ -19,7 +19,7 @@ _MOST_BITS = 63
 
 
 def trouble_in_number(value: float) -> str | None:
-    """What is wrong with a number, a sentence; None: nothing."""
+    """What is wrong with a number, as a sentence; None: nothing."""
     if isinstance(value, int):
         return None if value.bit_length() <= _MOST_BITS else "The whole number has more than 64 bits."
     if not math.isfinite(value):

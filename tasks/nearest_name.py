@@ -9,14 +9,14 @@ _SHOWN = 12
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that is most like `name`; None if nothing is alike."""
+    """The known name most similar to `name`; None if none is similar."""
     by_lower_case = {candidate.lower(): candidate for candidate in reversed(list(known))}
     found = difflib.get_close_matches(name.lower(), by_lower_case, n=1, cutoff=0.6)
     return by_lower_case[found[0]] if found else None
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A remedy that names the nearest known name, or some of them when nothing is alike."""
+    """A remedy that names the most similar known name, or some of them if none is similar."""
     names = list(known)
     if not names:
         return "There are none."

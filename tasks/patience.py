@@ -12,7 +12,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Patience:
-    """How long is waited.
+    """How long to wait.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Patience:
         pause: Callable[[float], None] = time.sleep,
         now: Callable[[], float] = time.monotonic,
     ) -> R:
-        """The result of an act, which is tried again as long as it fails for reasons that may pass.
+        """The result of an action, which is repeated as long as it fails for temporary reasons.
 
         Parameters
         ----------

@@ -30,7 +30,7 @@ _SHOWN = 40
 
 
 def trouble_in(text: str, longest: int = LONGEST_NAME) -> str | None:
-    """What is wrong with a name, a sentence; None: nothing."""
+    """What is wrong with a name, as a sentence; None: nothing."""
     if len(text) > longest:
         return f"The name {quoted(text)} has {len(text):,} characters, more than {longest}."
     unseen = _UNSEEN.search(text)
@@ -45,7 +45,7 @@ def is_blank(text: str) -> bool:
 
 
 def trouble_in_tables(value: object, place: Place = ()) -> tuple[Place, str] | None:
-    """The first key, text or number of nested tables and lists that cannot be: where, and what is wrong."""
+    """The first impossible key, text or number in nested tables and lists: where, and what is wrong."""
     if isinstance(value, str | int | float):
         trouble = trouble_in(value, LONGEST_TEXT) if isinstance(value, str) else trouble_in_number(value)
         return None if trouble is None else (place, trouble)
@@ -67,6 +67,6 @@ def quoted(text: str) -> str:
 
 
 def visible(text: str, longest: int = 2_000) -> str:
-    """A text with invisible characters written as their numbers, cut after a number of characters."""
+    """A text with invisible characters shown as their numbers, truncated to a number of characters."""
     cut = text if len(text) <= longest else f"{text[:longest]}…"
     return _UNSEEN.sub(lambda found: f"\\u{ord(found.group()):04x}", cut)

@@ -30,7 +30,7 @@ from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFF
 
 
 class Shown(NamedTuple):
-    """A unit in which people read a number, how many of it one unit of the tables is, and decimals."""
+    """A customary unit, its factor from the unit of the tables, and decimals."""
 
     unit: str
     factor: float = 1.0
@@ -63,7 +63,7 @@ def shown(unit: str, use: Use = "plain") -> Shown:
 
 
 def unit_words(unit: str) -> str:
-    """A unit of tables and gates as it is written behind an unchanged number."""
+    """A unit of tables and gates as written after an unchanged number."""
     return _NAMES.get(unit, unit)
 
 
@@ -73,7 +73,7 @@ def with_unit(number: object, unit: str) -> str:
 
 
 def written_sigma(value: float, unit: str) -> str:
-    """A standard deviation with its unit, in the size people refer to: µm, °, cm, ms."""
+    """A standard deviation in its customary unit: µm, °, cm, ms."""
     name, factor, _ = shown(unit, "sigma")
     if name == "°":
         return f"{np.format_float_positional(value, precision=2, fractional=False, trim='-')}°"
@@ -126,7 +126,7 @@ class Kind:
 
     @property
     def entity_kind(self) -> EntityKind:
-        """What has its own set of them."""
+        """The kind of entity that has its own set of them."""
         return FAMILIES[self.family].entity_kind
 
     def key(self, unit: str) -> str:
@@ -267,7 +267,7 @@ def additional_set(parameter: str) -> str:
 
 
 def is_calibrated(parameter: str) -> bool:
-    """Whether a parameter is a quantity of a calibration; what is random in every strip is none."""
+    """Whether a parameter is a quantity of a calibration; those random in every strip are not."""
     return entity_kind(parameter) != "strip"
 
 
@@ -294,7 +294,7 @@ def quantity_words(name: object) -> str:
 
 
 def entity_words(name: str, entity: str) -> str:
-    """A quantity with what it is of: ``GNSS shift x of flight 1``, ``principal point x of UCE-80``."""
+    """A quantity with its entity: ``GNSS shift x of flight 1``, ``principal point x of UCE-80``."""
     if not entity:
         return quantity_words(name)
     kind = "" if is_additional(name) else entity_kind(name)

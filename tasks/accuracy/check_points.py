@@ -58,7 +58,7 @@ class CheckPointDifferences:
         return _rms(np.hypot(plan[:, 0], plan[:, 1])), _rms(height)
 
     def of(self, points: Points) -> CheckPointDifferences:
-        """Those that a part of a statement is about."""
+        """The differences that a part of a statement covers."""
         under = np.zeros(len(self.difference), dtype=bool) if self.vegetated is None else self.vegetated
         chosen = {
             "plan": self.has_plan,
@@ -77,7 +77,7 @@ def check_point_differences(
     vegetated: Collection[str] = (),
     control: int = 0,
 ) -> CheckPointDifferences:
-    """From the tables check_points and control_points, and the names of points under vegetation."""
+    """Differences from check_points and control_points (tables), and the names of points under vegetation."""
     surveyed = control_points.set_index("point").loc[check_points["point"]]
     return CheckPointDifferences(
         check_points[[f"d{axis}_m" for axis in "xyz"]].to_numpy(np.float64),

@@ -78,7 +78,7 @@ class Statement:
 
     @property
     def figures(self) -> dict[str, float]:
-        """All figures, metres; of points under vegetation with that behind the name."""
+        """All figures, metres; those of points under vegetation are named accordingly."""
         return {
             name if part.points != "vegetated" else f"{name} vegetated": value
             for part in self.parts
@@ -102,7 +102,7 @@ class Statement:
 
 
 def statements(found: CheckPointDifferences, wanted: AccuracyClass | None) -> tuple[Statement, ...]:
-    """Statements according to every standard that is delivered."""
+    """Statements according to every standard that comes with the program."""
     return tuple(statement(delivered(name), found, wanted) for name in STANDARDS)
 
 
@@ -185,7 +185,7 @@ def _part(
 
 
 class _Known(dict[str, str]):
-    """Places of a text; what has no value is a dash."""
+    """Placeholders of a text; one without a value becomes a dash."""
 
     def __missing__(self, key: str) -> str:
         return "–"
@@ -211,7 +211,7 @@ def _case(
 
 
 def _rough_survey(template: Template, found: CheckPointDifferences, wanted: AccuracyClass | None) -> str:
-    """That the survey of the check points is not good enough for the class; empty: it is, or nobody asks."""
+    """A sentence if the survey of the check points is not accurate enough for the class; otherwise empty."""
     share = template.survey_at_most
     if share is None or wanted is None:
         return ""

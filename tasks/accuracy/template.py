@@ -166,7 +166,7 @@ def _content(path: Path) -> Mapping[str, object]:
 
 
 def _quoted(text: str) -> list[str]:
-    """The names between braces."""
+    """The names in braces."""
     names = []
     for _, name, how, conversion in string.Formatter().parse(text):
         if name is not None:

@@ -95,7 +95,7 @@ class AssembledBlock:
 def assembled_block(
     delivered: DeliveredTables, map_frame: MapFrame, settings: AdjustmentSettings
 ) -> AssembledBlock:
-    """The block of the delivered tables, with approximate values and everything that was observed."""
+    """The block of the delivered tables, with approximate values and all observations."""
     approximate, measured = delivered.approximate_points, delivered.image_points
     given, frame, _ = oriented_images(
         delivered.exposures, delivered.cameras, measured, map_frame, delivered.approximate_orientations

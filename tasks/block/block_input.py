@@ -215,7 +215,7 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
 
 
 def _refuse_platform_and_heads(given: GivenOrientations, settings: AdjustmentSettings) -> None:
-    """A platform that takes no pictures is where its heads say: only they or it can be estimated.
+    """Refuse to estimate both a platform without images of its own and its heads: its pose follows from them.
 
     Known positions of the heads hide it: pivots look sound.
     """

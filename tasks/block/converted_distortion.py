@@ -44,7 +44,7 @@ class ConvertedDistortion:
 
     @property
     def warning(self) -> str | None:
-        """A sentence where the other sets do not hold what was given."""
+        """A sentence if the other sets cannot represent the given distortion."""
         if self.largest_um <= NOTEWORTHY * _UM:
             return None
         return (
@@ -68,7 +68,7 @@ class ConvertedDistortion:
 def convert_distortion(
     cameras: Mapping[str, CameraInput], name: str | None, selection: str
 ) -> ConvertedDistortion:
-    """Convert what a camera brings along; without a name the only one that brings anything.
+    """Convert the known distortion of a camera; without a name, of the only one that has any.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def convert_distortion(
 
 
 def _chosen(cameras: Mapping[str, CameraInput], name: str | None) -> str:
-    """The camera that is meant."""
+    """The camera to be converted."""
     able = [item for item, camera in cameras.items() if camera.additional_parameters]
     if name is None and len(able) == 1:
         return able[0]

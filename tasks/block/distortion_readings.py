@@ -1,4 +1,4 @@
-"""How given additional parameters might have been meant: the other direction, the other sign.
+"""Other readings of given additional parameters: the other direction, the other sign.
 
 An error of the image E = measured − ideal is a function of the measured point in one direction (E = −Δ) and
 of the ideal point in the other (E = D). Read in the wrong direction it is off by its change between the two

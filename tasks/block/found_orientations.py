@@ -32,7 +32,7 @@ _log = logging.getLogger("aerocal")
 
 @dataclass(frozen=True, eq=False)
 class FoundImages:
-    """What was found.
+    """The stored record.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ def found_orientations(
 
 
 def _places(own: pd.DataFrame, control: pd.DataFrame) -> Floats:
-    """Positions (k, 3) on the map that say where the block is: those of exposures, else of control."""
+    """Positions (k, 3) on the map that locate the block: those of exposures, otherwise of control."""
     given = own[XYZ_M].to_numpy(np.float64)[has_position(own)]
     surveyed = control[XYZ_M].to_numpy(np.float64)
     return given if len(given) else np.asarray(surveyed[np.isfinite(surveyed).all(axis=1)])
@@ -151,7 +151,7 @@ def _report(oriented: int, images: int) -> None:
 def _remarks(
     own: pd.DataFrame, lacking: np.ndarray, found: int, placements: tuple[Placement, ...]
 ) -> tuple[str, ...]:
-    """Sentences on what was oriented and what placed it."""
+    """Sentences on what was oriented and what located it."""
     if found == 0:
         return ()
     kinds = [

@@ -244,7 +244,7 @@ class GivenOrientations:
         return np.asarray(self.mountings.body_from_camera[self.camera])
 
     def local_from_body(self, order: AngleOrder = "omega-phi-kappa") -> Floats:
-        """Attitude of the body, R_INS (n, 3, 3); ``order`` is how ω, φ, κ are read."""
+        """Attitude of the body, R_INS (n, 3, 3); ``order`` is the order of ω, φ, κ."""
         read = rotation.from_omega_phi_kappa if order == "omega-phi-kappa" else rotation.from_phi_omega_kappa
         of_camera = self.local_from_grid @ read(self.angles) @ np.swapaxes(self.body_from_camera, 1, 2)
         of_body = self.local_from_enu @ _ENU_FROM_NED @ rotation.ned_from_body(self.angles)

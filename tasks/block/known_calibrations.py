@@ -130,7 +130,7 @@ def with_known_calibrations(block: Block, known: tuple[KnownCalibration, ...]) -
 
 
 def _refuse_free(one: KnownCalibration, free: dict[str, Bools]) -> None:
-    """Refuse what would be known twice, or not be used as it is."""
+    """Refuse parameters that would be known twice, or not be used as they are."""
     named = [
         name
         for name, place in zip(one.names, one.places, strict=True)
@@ -176,7 +176,7 @@ def _observed(parameters: SystemParameters, known: tuple[KnownCalibration, ...])
 def with_joint_priors(
     block: Block, groups: tuple[ObservationGroup, ...], known: tuple[KnownCalibration, ...]
 ) -> tuple[ObservationGroup, ...]:
-    """Groups with the observations of calibrations, which take the place of priors of the same parameters."""
+    """Groups with the observations of calibrations, which replace priors of the same parameters."""
     observed = {item.family.name: _observed(item, known) for item in block.system}
     values = {item.family.name: item.values for item in block.system}
     others = []

@@ -111,7 +111,7 @@ def _completed(own: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
 
 
 def _nothing_oriented(own: pd.DataFrame, measured: pd.DataFrame) -> tuple[str, str]:
-    """What is wrong and what to do where no image has an orientation."""
+    """What is wrong and what to do if no image has an orientation."""
     lacking = [
         f"{int((~known).sum()):,} have no {what}"
         for known, what in ((has_position(own), "position"), (has_attitude(own), "attitude"))

@@ -16,7 +16,7 @@ from tasks.settings.own_observations import OBSERVATION_TYPES, OwnObservationsIn
 
 @dataclass(frozen=True, eq=False)
 class ObservedBlock:
-    """What a type of observations gets to know of the block.
+    """What a type of observations is told about the block.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Refraction taken from the image points of a block, once, with its approximate orientations."""
+"""Removal of refraction from the image points of a block, once, with its approximate orientations."""
 
 from __future__ import annotations
 

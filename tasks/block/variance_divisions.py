@@ -48,7 +48,7 @@ def divisions_of(
 
 
 def _joined(labels: list[np.ndarray]) -> Iterator[np.ndarray]:
-    """The labels (n,) of several kinds as one; nothing without any."""
+    """The labels (n,) of several kinds combined; None without any."""
     if labels:
         first, *others = labels
         for other in others:

@@ -1,4 +1,4 @@
-"""The record of one camera or rig, from what a calibration has found about all of them."""
+"""The record of one camera or rig, from the results of a calibration for all of them."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Found:
 
 
 def bodies(cameras: pd.DataFrame, images: pd.DataFrame) -> tuple[tuple[str, ...], ...]:
-    """Names of the cameras of each record: a camera alone, or the reference head and those beside it.
+    """Names of the cameras of each record: a single camera, or the reference head and the other heads.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def record_of(
 
 
 def rows_of(parameters: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
-    """Parameters of cameras and of the flights; those of strips are random and no part of a record.
+    """Parameters of cameras and of the flights; those of strips are random and not part of a record.
 
     Boresight and lever arm of a head are those of the reference head, the first of `names`; this has no
     place relative to itself.

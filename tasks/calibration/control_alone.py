@@ -1,4 +1,4 @@
-"""The first of two steps: the settings of an adjustment that nothing of GNSS and INS enters."""
+"""The first of two steps: the settings of an adjustment without GNSS and INS."""
 
 from __future__ import annotations
 

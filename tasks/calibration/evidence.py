@@ -1,4 +1,4 @@
-"""All evidence against a calibration besides its σ: what refuses it, and what restricts its use.
+"""All evidence against a calibration besides its σ: reasons to refuse it or to restrict its use.
 
 A standard deviation says how well a parameter is determined if the model is right. Whether it is right is
 said by the tests of the model, the second step, the check points, the residuals of every group of
@@ -36,7 +36,7 @@ _LEAST_REDUNDANCY = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What was found about a calibration by others than its σ.
+    """Evidence about a calibration from sources other than its σ.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Evidence:
 
 
 def _of_restored(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterator[Objection]:
-    """Groups of which much was rejected, and no error of the model explains why: their σ are wrong."""
+    """Groups with many rejections that no error of the model explains: their σ are wrong."""
     for item in adjusted.restored_groups:
         if item.sigma0 > limits.sigma0_factor:
             name = group_words(item.group)
@@ -115,7 +115,7 @@ def _of_steps(steps: StepComparisonFigure | None, limits: AcceptanceLimits) -> I
 
 
 def _of_check_points(direct: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
-    """Differences at the independent check points that the prediction does not let expect."""
+    """Differences at the independent check points that are larger than predicted."""
     probability = limits.error_probability / len(_AXES)
     largest = float(special.ndtri(1.0 - 0.5 * probability))
     for axis, way in enumerate(_AXES):
@@ -158,7 +158,7 @@ def _of_groups(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterato
 
 
 def _of_components(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterator[Objection]:
-    """Stated σ in whose place estimated ones were used; where larger, an unknown error may be in them."""
+    """Stated σ that were replaced by estimated ones; larger ones may contain an unknown error."""
     for item in adjusted.variance_components.components if adjusted.variance_components else ():
         factor, lower, upper = item.factor, item.factor_lower, item.factor_upper
         if not item.estimated or factor is None or lower is None or upper is None:
@@ -210,7 +210,7 @@ def _rejected(group: str, count: int, of: int, where: str) -> str:
 
 
 def _of_priors(residuals: pd.DataFrame, limits: AcceptanceLimits) -> Iterator[Objection]:
-    """Given values that the flight contradicts; errors of single strips restrict, they are few of many."""
+    """Given values that the flight contradicts; those of single strips only restrict, being few of many."""
     known = residuals[residuals["group"].str.startswith(_PRIOR) & residuals["standardized"].notna()]
     if known.empty:
         return

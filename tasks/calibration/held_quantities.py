@@ -1,4 +1,4 @@
-"""What is held in a calibration and how well it is known: consider parameters of every certified σ.
+"""What is held in a calibration, and how well it is known: considered in every certified σ.
 
 A lever arm, the times of the exposures, refraction and the datum of the control are held at values that are
 not perfectly known. With the effect e = −Q AᵀC of each on the calibrated parameters,

@@ -1,4 +1,4 @@
-"""What the offset between adjusted and observed positions is, in words."""
+"""The offset between adjusted and observed positions in words."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ def heading_words(heading: float) -> str:
 
 
 def direction_words(pattern: FlightPattern) -> str:
-    """The headings, and how they lie to each other."""
+    """The headings and their relation to each other."""
     headings = [heading_words(angle) for angle in pattern.directions]
     how = ["opposite"] * bool(pattern.opposite) + ["crossing"] * bool(pattern.crossing)
     return f"heading {listed(headings)}" + (f", {listed(how)}" if how else "")
@@ -30,7 +30,7 @@ def height_words(pattern: FlightPattern) -> str:
 
 
 def flights_by_height(images: pd.DataFrame, pattern: FlightPattern) -> str | None:
-    """What to declare where every flight of images.parquet has one height only; None where that is not so.
+    """What to declare if every flight of images.parquet has only one height; otherwise None.
 
     With a GNSS shift of its own in every height, nothing tells a focal length from the shifts.
     """

@@ -51,7 +51,7 @@ class AdjustedPlatform:
 
     @property
     def probability(self) -> Floats:
-        """(h,) probability of as large a change of each head by chance."""
+        """(h,) probability that a change of each head is as large by chance."""
         found = []
         for head, change in enumerate(self.change):
             own = slice(3 * head, 3 * head + 3)

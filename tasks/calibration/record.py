@@ -22,7 +22,7 @@ Verdict: TypeAlias = Literal["accepted", "restricted", "refused"]
 
 
 class RecordModel(BaseModel):
-    """Base of the parts of a record: immutable, and nothing unknown in them."""
+    """Base of the parts of a record: immutable, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -80,7 +80,7 @@ class CalibratedParameter(RecordModel):
 
 
 class RecordedHeld(RecordModel):
-    """A quantity that was held, and how well it was taken to be known; part of every σ.
+    """A quantity that was held, and how well it was assumed to be known; included in every σ.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ class CalibrationRecord(RecordModel):
         return self
 
     def holds_in_one_flight(self, item: CalibratedParameter) -> bool:
-        """Whether a parameter of the camera has other values in other flights."""
+        """Whether a parameter of the camera differs between flights."""
         return entity_kind(item.parameter) == "camera" and item.entity not in self.names
 
     @property

@@ -36,7 +36,7 @@ _INTERIOR = tuple(name for name, kind in KINDS.items() if kind.family == INTERIO
 
 @dataclass(frozen=True)
 class Release:
-    """What is free at one moment of the calibration.
+    """What is free at one stage of the calibration.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Release:
 
 
 def releases(calibration: CalibrationSettings, adjustment: AdjustmentSettings) -> tuple[Release, ...]:
-    """The stages, each with everything that is free in it; the last one is what is wanted."""
+    """The stages, each with everything that is free in it; the last one is the goal."""
     outer = tuple(name for name in calibration.free if name not in _INTERIOR)
     interior = tuple(name for name in calibration.free if name in _INTERIOR)
     stages = [Release((), outer)]
@@ -96,7 +96,7 @@ def releases(calibration: CalibrationSettings, adjustment: AdjustmentSettings) -
 
 @dataclass(frozen=True)
 class Undetermined:
-    """What a flight does not determine after a release: family → the reason, a sentence.
+    """What a flight does not determine after a release: family → the reason, as a sentence.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class Undetermined:
 
 
 def held_after(judgement: Artifact) -> Held:
-    """What a judgement holds from now on, with the reasons."""
+    """What is held after a judgement, with the reasons."""
     return cast(Held, read_notes(judgement).figures.get(HELD, {}))
 
 

@@ -80,7 +80,7 @@ def compared_steps(
     means: pd.DataFrame,
     mountings: Mapping[str, Mapping[int, int]] | None = None,
 ) -> StepComparisonFigure | None:
-    """Compare what both have estimated; None if that is nothing.
+    """Compare what both have estimated; None if there is nothing to compare.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def compared_steps(
 
 
 def _of_own_mounting(means: pd.DataFrame, mountings: Mapping[str, Mapping[int, int]]) -> pd.DataFrame:
-    """Of the means of mountings those of the mounting that most images of each camera have."""
+    """The means for the mounting that most images of each camera have."""
     own = {camera: max(images, key=lambda number: images[number]) for camera, images in mountings.items()}
     wanted = means["camera"].map(lambda camera: str(own.get(camera, 0)))
     return means[(means["scope"] != "mounting") | (means["group"] == wanted)]

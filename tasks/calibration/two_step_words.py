@@ -1,4 +1,4 @@
-"""What a two-step calibration has found, in words."""
+"""The results of a two-step calibration in words."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_NAMES = 12
 
 
 def camera_remarks(item: CameraDifferences, result: TwoStep, error_probability: float) -> tuple[str, ...]:
-    """What contradicts one boresight and one offset for all, and what the offset is."""
+    """What contradicts a single boresight and offset for all, and the meaning of the offset."""
     found = result.main.mean
     sigma = np.nan_to_num(result.main.widened[3:6])
     # In height a shift looks like a lever arm in every strip.

@@ -91,7 +91,7 @@ class ParameterVerdict:
 
 @dataclass(frozen=True)
 class FlightVerdict:
-    """Whether a flight calibrates what it was to calibrate.
+    """Whether a flight calibrates what it was flown for.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class FlightVerdict:
         return "refused" if self.reasons else "restricted" if self.restrictions else "accepted"
 
     def beside(self, reasons: tuple[str, ...], restrictions: tuple[str, ...]) -> FlightVerdict:
-        """The verdict with further reasons against the flight, which come first."""
+        """The verdict with additional reasons against the flight, listed first."""
         return FlightVerdict((*reasons, *self.reasons), (*restrictions, *self.restrictions), self.remarks)
 
 
@@ -141,7 +141,7 @@ def sigma_limit(parameter: str, limits: AcceptanceLimits) -> float | None:
 
 
 def strongest_correlations(correlations: pd.DataFrame) -> Mapping[Key, Correlated]:
-    """Of every quantity of a calibration the strongest correlation with another one; strips left out."""
+    """For every quantity of a calibration, the strongest correlation with another one; strips excluded."""
     found: dict[Key, Correlated] = {}
     columns = ("parameter_a", "entity_a", "parameter_b", "entity_b", "correlation")
     for name_a, entity_a, name_b, entity_b, value in zip(
@@ -174,7 +174,7 @@ def _of_parameter(
 
 
 def _of_strip(said: _Said) -> tuple[ParameterVerdictWord, str]:
-    """Of a bias or drift of a strip: it is random about its prior, and nothing that a calibration keeps."""
+    """Verdict on a bias or drift of a strip: it is random about its prior, and not kept by a calibration."""
     return "determined", f"{said.numbers}; random from strip to strip, and not part of the calibration"
 
 
@@ -224,7 +224,7 @@ class _Said:
 
     @property
     def advice(self) -> str:
-        """What would determine it that this flight does not have yet."""
+        """What this flight lacks to determine it."""
         remedies: tuple[str, ...] = ()
         if self.strongest is not None and abs(self.strongest.correlation) >= _ENTANGLED:
             remedies = separating((self.name, self.strongest.parameter))
@@ -284,7 +284,7 @@ def flight_verdict(
 
 
 def pattern_reasons(names: set[str], pattern: FlightPattern, limits: AcceptanceLimits) -> list[str]:
-    """Sentences about directions and heights that were not flown and that parameters of these names need."""
+    """Sentences about directions and heights that these parameters need and that were not flown."""
     reasons, kinds = [], {kind_of(name) for name in names}
     turning = sorted(name for name, kind in KINDS.items() if kind.needs_headings and name in kinds)
     directions = len(pattern.directions)

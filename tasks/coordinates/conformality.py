@@ -1,4 +1,4 @@
-"""Whether a map projection keeps angles, as ω, φ, κ against its grid presuppose.
+"""Whether a map projection preserves angles, which ω, φ, κ against its grid presuppose.
 
 In a projection that does not (equal-area ones, say) the grid axes are not at right angles on the ground,
 and an attitude against them has no meaning to the accuracy of an inertial system.

@@ -77,7 +77,7 @@ class MapFrame:
 
     @property
     def is_local(self) -> bool:
-        """Whether coordinates are metric Cartesian by declaration, without any earth."""
+        """Whether coordinates are declared as metric Cartesian, unrelated to the earth."""
         return self.name == LOCAL
 
     @property

@@ -1,4 +1,4 @@
-"""The Cartesian frame of an adjustment, and the way into it from map coordinates and back.
+"""The Cartesian frame of an adjustment, and the transformation from map coordinates and back.
 
 Points go through latitude, longitude and ellipsoidal height, so nothing is approximated: neither the scale
 of the projection nor the curvature of the earth. Rotations that are counted from grid north go through the

@@ -1,4 +1,4 @@
-"""Where a database is: a SQLite file of this machine, or a PostgreSQL server."""
+"""The location of a database: a SQLite file on this machine, or a PostgreSQL server."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Holding:
 
 @dataclass(frozen=True)
 class DatabaseAddress:
-    """Where a database is.
+    """The location of a database.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class DatabaseAddress:
 
     @property
     def ssl_context(self) -> ssl.SSLContext | bool:
-        """How a server is spoken to."""
+        """The TLS settings of a connection to a server."""
         if self.ssl_mode in (None, "disable"):
             return False
         context = ssl.create_default_context()
@@ -77,7 +77,7 @@ class DatabaseAddress:
 def database_address(
     text: str, holding: Holding, environment: Mapping[str, str] = os.environ
 ) -> DatabaseAddress:
-    """The database that a text means.
+    """The database that a text denotes.
 
     Parameters
     ----------

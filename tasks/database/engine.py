@@ -22,7 +22,7 @@ _WRITING = "aerocal_writing"
 
 
 def engine_at(address: DatabaseAddress, wait_s: float = WAIT_S) -> Engine:
-    """What connects to a database; nothing is opened yet.
+    """The engine of a database; no connection is opened yet.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def connected_for_writing(engine: Engine) -> Connection:
 
 
 def _leave_transactions_to_us(connection: Any, _record: Any) -> None:
-    """Keep Python's driver from beginning transactions of its own, late and deferred."""
+    """Prevent Python's driver from starting its own transactions late and deferred."""
     connection.isolation_level = None
     connection.execute("PRAGMA foreign_keys = ON")
     connection.execute("PRAGMA synchronous = FULL")
@@ -67,7 +67,7 @@ def _begin_in_sqlite(connection: Connection) -> None:
 
 
 def _limits_of(wait_s: float) -> Any:
-    """What begins a transaction on a server: no waiting, and no holding up others, for ever."""
+    """The start of a transaction on a server, with time limits for waiting and for blocking others."""
 
     def begin(connection: Connection) -> None:
         if connection.get_execution_options().get(_WRITING, False):

@@ -1,4 +1,4 @@
-"""What a database complains about, in one sentence with a remedy, and never with a password."""
+"""Errors of a database as one sentence with a remedy, never with a password."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def camera_record(camera: CameraInput) -> CameraRecord:
 def _of_file(
     camera: CameraInput, file: Path, found: Mapping[str, CameraRecord | PixelCamera]
 ) -> CameraRecord:
-    """The camera that is meant among those of its file, with the declared size of its pixels."""
+    """The right camera among those of its file, with the declared size of its pixels."""
     name = camera.name_in_file
     if name is None and len(found) == 1:
         read = next(iter(found.values()))
@@ -117,7 +117,7 @@ def _of_file(
 
 
 def _with_principal_point(camera: CameraInput, file: Path, read: CameraRecord) -> CameraRecord:
-    """The camera of a table whose principal point stands in the project file, and nowhere else."""
+    """The camera of a table with the principal point from the project file, its only source."""
     declared, known = camera.principal_point_mm, math.isfinite(sum(read.principal_point_mm))
     if declared is None and known:
         return read
@@ -133,7 +133,7 @@ def _with_principal_point(camera: CameraInput, file: Path, read: CameraRecord) -
 
 
 def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:
-    """Refuse pixels and images of a size that no camera has: a unit was taken for another one."""
+    """Refuse pixel and image sizes that no camera has: a unit was mistaken for another."""
     longest_mm = max(camera.columns, camera.rows) * camera.pixel_um * 1e-3
     low, high = _PIXELS_UM
     if low <= camera.pixel_um <= high and longest_mm <= _LONGEST_MM:
@@ -199,7 +199,7 @@ class _Mounting(NamedTuple):
 
 
 def _mounting(name: str, cameras: Mapping[str, CameraInput]) -> _Mounting:
-    """Those of a camera; of a head they follow from its reference head: R_B(b) R(ρ), l − R_B(b) p."""
+    """The mounting of a camera; that of a head follows from its reference head: R_B(b) R(ρ), l − R_B(b) p."""
     camera = cameras[name]
     if camera.head is None:
         return _Mounting(camera.lever_arm_m, camera.boresight_deg)

@@ -113,7 +113,7 @@ def _refuse_unknown_position(records: ControlRecords, places: Places) -> None:
 
 
 def _positions(records: ControlRecords, transfer: Transfer, places: Places) -> Floats:
-    """Positions (n, 3) in the project's system; what is not known stays NaN."""
+    """Positions (n, 3) in the project's system; unknown coordinates stay NaN."""
     if transfer.is_identity or transfer.source.is_local:
         return records.position
     without_plan = np.isnan(records.position[:, 0])
@@ -152,7 +152,7 @@ def _roles(source: ControlInput, records: ControlRecords, places: Places) -> lis
 
 
 def roles_of_rows(given: pa.Array, places: Places, names: pa.Array) -> list[str | None]:
-    """Roles as the rows give them, None where they do not.
+    """Roles as given in the rows, None where missing.
 
     Raises
     ------

@@ -21,7 +21,7 @@ _LEAST = 3
 
 
 class CopiedImages:
-    """Points that lie at the same place of two images, found some points at a time."""
+    """Points at the same position in two images, found a few points at a time."""
 
     def __init__(self, measured: MeasuredPoints) -> None:
         """`measured` : no point twice in an image."""
@@ -30,7 +30,7 @@ class CopiedImages:
         self._shared = np.zeros(len(measured.images), dtype=np.int64)
 
     def look_at(self, rows: Rows) -> None:
-        """Look at all rows of some points."""
+        """Examine all rows of some points."""
         point, place = self._measured.point[rows].astype(np.int64), self._places(rows)
         alike = _perhaps_alike(point, place)
         if len(alike) == 0:

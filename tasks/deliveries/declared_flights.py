@@ -16,7 +16,7 @@ from tasks.settings.inputs import DeliveredFlight
 def with_declared_flights(
     records: ExposureRecords, declared: Mapping[str, DeliveredFlight]
 ) -> ExposureRecords:
-    """The exposures with the flights and cameras they count for; strips of a part get its name in front.
+    """The exposures with their declared flights and cameras; strips of a part are prefixed with its name.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Camera, flight and strips of exposures as the project file declares them in the place of the file's."""
+"""Camera, flight and strips of exposures as declared in the project file, overriding those of the file."""
 
 from __future__ import annotations
 

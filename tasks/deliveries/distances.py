@@ -50,7 +50,7 @@ def distance_columns(
 
 
 def _refuse_same_pairs(records: Sequence[DistanceRecords], places: Places) -> None:
-    """Refuse a distance from a point to itself, and one that exists twice, whichever way round."""
+    """Refuse a distance from a point to itself, and one given twice, in either direction."""
     ends = [
         [str(name) for own in records for name in getattr(own, side).to_pylist()]
         for side in ("point", "other_point")

@@ -1,4 +1,4 @@
-"""Angles of an exposure input: their unit, their order, and the axes they are counted from.
+"""Angles of an exposure input: their unit, their order, and their reference axes.
 
 What comes out is ω, φ, κ about the grid axes of the project, or heading, pitch, roll of the body against true
 north at the exposure. Rotations are converted as matrices, exactly. Standard deviations go through the small
@@ -36,7 +36,7 @@ _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvertedAngles:
-    """Angles in degrees, (n, 3) each with sigmas; exactly one of the two kinds is there, the other is NaN.
+    """Angles in degrees, (n, 3) each with sigmas; exactly one of the two kinds is given, the other is NaN.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ def body_rates(records: ExposureRecords, declared: Angles) -> Floats:
 
 
 def unit_suspicion(records: ExposureRecords, declared: Angles) -> str | None:
-    """A sentence if the range of the third angle is not one that degrees are written in."""
+    """A sentence if the range of the third angle is unusual for degrees."""
     heading = records.angles[:, 0] if declared.order == "heading-pitch-roll" else records.angles[:, 2]
     heading = heading[np.isfinite(heading)]
     if len(heading) == 0:
@@ -162,7 +162,7 @@ def convert_angles(
 
 
 def keep_their_axes(declared: Angles, transfer: Transfer) -> bool:
-    """Whether the angles of an input are those of the project wherever the exposure is."""
+    """Whether the angles of an input equal those of the project at every position."""
     if declared.order == "heading-pitch-roll":
         return declared.reference != "grid" and transfer.keeps_datum
     return declared.reference == "grid" and transfer.is_identity

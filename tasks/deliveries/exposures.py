@@ -271,7 +271,7 @@ def _without_position(records: ExposureRecords) -> str | None:
 
 
 def _anywhere(position: Floats, placed: Bools) -> Floats:
-    """Positions (n, 3) with any of them for those that are not known: what is computed there is not used."""
+    """Positions (n, 3) with an arbitrary one for each unknown one: results computed there are not used."""
     somewhere = position[placed].mean(axis=0) if placed.any() else np.zeros(3)
     return np.where(placed[:, None], position, somewhere)
 
@@ -279,7 +279,7 @@ def _anywhere(position: Floats, placed: Bools) -> Floats:
 def _refuse_angles_of_no_place(
     records: ExposureRecords, source: ExposuresInput, transfer: Transfer, placed: Bools, places: Places
 ) -> None:
-    """Refuse angles that have to be turned into other axes at a place that is not known."""
+    """Refuse angles that must be converted to other axes at an unknown position."""
     lost = np.isfinite(records.angles).all(axis=1) & ~placed
     if not lost.any() or transfer.source.is_local or keep_their_axes(source.angles, transfer):
         return

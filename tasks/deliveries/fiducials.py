@@ -105,7 +105,7 @@ class MeasuredMarks:
         }
 
     def remarks(self, found: FilmOrientations) -> tuple[str, ...]:
-        """What is to be said: residuals and shrinkage in all, and wrong marks."""
+        """Sentences about residuals and shrinkage overall, and about wrong marks."""
         checked = found.redundancy > 0
         squares = float(np.sum((found.redundancy * found.sigma0**2)[checked]))
         rms = 1e3 * np.sqrt(squares / max(int(found.redundancy.sum()), 1))

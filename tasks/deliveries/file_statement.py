@@ -81,7 +81,7 @@ def refuse_other_statement(
 
 
 def _stated(file: Path, crs: str) -> MapFrame:
-    """The frame of a stated CRS; of one with heights its part in plan."""
+    """The frame of a stated CRS; only its horizontal part if it includes heights."""
     frame = MapFrame(crs, ELLIPSOIDAL)
     try:
         known = frame.crs
@@ -105,7 +105,7 @@ def _plain_statements(
 
 
 def _refuse_other_projection(file: Path, stated: MapFrame, declared: MapFrame, position: Floats) -> None:
-    """The positions of the file must be the same place on the earth in both."""
+    """Refuse a file whose positions are different places on the earth in the two systems."""
     known = position[np.isfinite(position[:, :2]).all(axis=1)]
     if len(known) == 0:
         return
@@ -133,5 +133,5 @@ def _datum_name(frame: MapFrame) -> str | None:
 
 
 def _datum(name: str | None) -> str | None:
-    """The datum a name means, among those that programs write; None: another one."""
+    """The datum that a name denotes, among those that programs write; None: another one."""
     return next((datum for datum, like in _DATUMS if name and like.search(name)), None)

@@ -17,7 +17,7 @@ _EXAMPLES = 5
 
 
 def with_declared_solutions(records: ExposureRecords, source: ExposuresInput) -> ExposureRecords:
-    """The exposures with the σ that are declared for their kind of solution, or without the position."""
+    """The exposures with the σ declared for their kind of solution, or without a position."""
     if records.solution is None:
         return records
     position, sigma = records.position.copy(), records.sigma_position.copy()

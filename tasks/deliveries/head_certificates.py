@@ -1,4 +1,4 @@
-"""Cameras with values of the certificate of a head: their covariance, and what is said of it."""
+"""Cameras with values from the certificate of a head: their covariance, and remarks on it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def certificate_of(camera: CameraInput, path: Path) -> HeadCertificate:
 
 
 def stated_covariance(camera: CameraInput) -> CalibrationCovariance | None:
-    """How well the values of a camera are known, where they are to be anything else than exact.
+    """How well the values of a camera are known, unless they are to be taken as exact.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def stated_covariance(camera: CameraInput) -> CalibrationCovariance | None:
 
 
 def about_head_certificates(cameras: Mapping[str, CameraInput]) -> tuple[str, ...]:
-    """Sentences about what certificates say, and what a test would make of their parameters."""
+    """Sentences about the content of certificates, and about tests of their parameters."""
     return tuple(
         sentence
         for name, camera in cameras.items()

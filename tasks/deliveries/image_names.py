@@ -1,4 +1,4 @@
-"""Names of images in a file that had to call them otherwise: numbers of PATB, names that were cut."""
+"""Names of images in a file that had to use others: numbers of PATB, truncated names."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ _GROUP = 100_000
 
 
 def rays_of_points(measured: MeasuredPoints) -> NDArray[np.int64]:
-    """The number of rows of each point, by its number, without those that are left out."""
+    """The number of rows of each point, by its number, excluding rows that are left out."""
     rays = counted(measured.point, len(measured.points))
     left_out = measured.image < 0
     return rays - counted(measured.point[left_out], len(rays)) if left_out.any() else rays
@@ -59,7 +59,7 @@ class ImagePointRows:
     def of(
         cls, measured: MeasuredPoints, dropped: Bools, extra: Sequence[Mapping[str, pa.Array]]
     ) -> ImagePointRows:
-        """The rows but for those of points that are dropped, and those that are left out."""
+        """All rows except those of dropped points and those that are left out."""
         place = np.full(len(dropped), -1, dtype=np.int32)
         kept = np.flatnonzero(~dropped)
         names = measured.points if len(kept) == len(dropped) else measured.points.take(pa.array(kept))
@@ -74,7 +74,7 @@ class ImagePointRows:
 
     @property
     def extra_names(self) -> tuple[str, ...]:
-        """The further columns of any file, but for those with a name of the table."""
+        """The further columns of any file, except those with a name of the table."""
         names = dict.fromkeys(name for extra in self.extra for name in extra)
         return tuple(name for name in names if name not in _OURS)
 

@@ -121,12 +121,12 @@ class _Extent:
 
     @property
     def count(self) -> int:
-        """How many lie inside."""
+        """Number of points inside."""
         return int(self.quarters.sum())
 
     @property
     def outside_share(self) -> float:
-        """The part of all points that does not."""
+        """Share of the points that lie outside."""
         return 1.0 - self.count / len(self.inside)
 
     @property
@@ -191,7 +191,7 @@ def in_format(
 def _outside(
     records: ImagePointRecords, unit: Unit, points: _Measured, extent: _Extent, outside_share: float
 ) -> str:
-    """What is said of the points outside the format.
+    """A sentence about the points outside the format.
 
     Raises
     ------

@@ -212,7 +212,7 @@ def _about_sigmas(
 def _with_images_alone(
     exposures: pd.DataFrame, records: Sequence[ImagePointRecords], cameras: tuple[str, ...]
 ) -> tuple[pd.DataFrame, int]:
-    """The exposures with the images that only image points name, of the only camera; how many they are.
+    """The exposures with images that only image points name, of the only camera; and their number.
 
     Raises
     ------

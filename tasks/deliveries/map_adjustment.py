@@ -143,7 +143,7 @@ def _samples(frames: list[FrameCamera], above: Floats, ground: float) -> tuple[F
 
 
 def _fitted(pose: Pose, ideal: Floats, seen: Floats, frame: MapFrame) -> tuple[Pose, Floats]:
-    """True orientations in the map that see ground points (n, k, 3), and what is left (n,), metres."""
+    """True orientations in the map that see ground points (n, k, 3), and the misfits (n,), metres."""
     place = local_frame(frame, pose.centre)
     axes = local_from_grid(frame, place, pose.centre)
     start = Pose(

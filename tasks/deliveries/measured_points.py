@@ -1,4 +1,4 @@
-"""Image points of all files under one numbering: two numbers a row, everything else looked up when needed.
+"""Image points of all files under one numbering: two numbers per row, all else is looked up when needed.
 
 A row has the number of its image and that of its point. What is looked at row by row is looked at in blocks,
 so that millions of rows take little more memory than their coordinates.
@@ -52,7 +52,7 @@ class MeasuredFile:
 
     @classmethod
     def of(cls, source: ImagePointsInput, records: ImagePointRecords) -> MeasuredFile:
-        """The rows of what was read."""
+        """The rows of the records that were read."""
         return cls(records.file, source.unit, source.sigma, records.xy, records.sigma, records.line)
 
 
@@ -180,7 +180,7 @@ def ranges(count: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
 
 
 def counted(numbers: Codes, most: int) -> NDArray[np.int64]:
-    """How often each of the numbers 0 … most − 1 is in (n,); those below zero are passed over."""
+    """How often each of the numbers 0 … most − 1 occurs in (n,); negative ones are ignored."""
     result = np.zeros(most, dtype=np.int64)
     step = max(BLOCK, most)
     for begin in range(0, len(numbers), step):

@@ -59,7 +59,7 @@ class SharedPoints:
 
 
 def _positions(images: int, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """As `SharedPoints.position`; pairs stand along their strips, and each image is in one strip."""
+    """As `SharedPoints.position`; pairs are ordered along their strips, and each image is in one strip."""
     position = np.full(images, -1, dtype=np.int64)
     if len(one):
         begins = np.append(True, one[1:] != other[:-1])

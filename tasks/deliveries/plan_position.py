@@ -1,4 +1,4 @@
-"""Whether positions of an input can be in the CRS it is declared in."""
+"""Whether positions of an input can be in its declared CRS."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FOOT = 0.3048
 def refuse_outside_area(
     frame: MapFrame, position: NDArray[np.float64], places: Places, names: Sequence[str], kind: str
 ) -> None:
-    """Raise if a position (n, 3) lies outside the area of use of its CRS; rows without plan are passed over.
+    """Raise if a position (n, 3) lies outside the area of use of its CRS; rows without plan are ignored.
 
     Raises
     ------

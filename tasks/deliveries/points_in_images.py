@@ -1,4 +1,4 @@
-"""The rows of each point side by side: twice in an image, at one place in two, shared by neighbours."""
+"""All rows of each point together: twice in an image, at one place in two images, shared by neighbours."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def look_through(measured: MeasuredPoints, exposures: pd.DataFrame) -> tuple[str
 
 
 def _by_point(measured: MeasuredPoints, shared: SharedPoints) -> Iterator[tuple[Rows, NDArray[np.int64]]]:
-    """All rows of some points, and a number for each row that point and position of the image make."""
+    """All rows of some points, and a number for each row, unique to its point and position in the image."""
     by_point = RowsByNumber(measured.point)
     for begin, end in ranges(counted(measured.point, len(measured.points))):
         rows = by_point.rows(begin, end)
@@ -59,7 +59,7 @@ def _by_point(measured: MeasuredPoints, shared: SharedPoints) -> Iterator[tuple[
 
 
 def _refuse_duplicates(measured: MeasuredPoints, shared: SharedPoints) -> None:
-    """Raise, naming the first row of a point and image that are in a row before."""
+    """Raise, naming the first row that repeats the point and image of an earlier row."""
     second, again = len(measured.point), 0
     for rows, key in _by_point(measured, shared):
         order = np.argsort(key, kind="stable")
@@ -70,7 +70,7 @@ def _refuse_duplicates(measured: MeasuredPoints, shared: SharedPoints) -> None:
 
 
 def _again_by_table(measured: MeasuredPoints) -> tuple[int, int]:
-    """The first row whose point and image are in a row before, and how many do; by a table of them."""
+    """The first row that repeats point and image of an earlier one, and the number of such rows; by table."""
     images, count = len(measured.images), len(measured.point)
     seen = np.zeros(images * len(measured.points), dtype=bool)
     second, again = count, 0
@@ -87,7 +87,7 @@ def _again_by_table(measured: MeasuredPoints) -> tuple[int, int]:
 
 
 def _refuse_rows_again(measured: MeasuredPoints, second: int, again: int) -> None:
-    """Raise if there are rows whose point and image are in a row before; `second` is the first of them."""
+    """Raise if rows repeat point and image of an earlier row; `second` is the first of them."""
     if again == 0:
         return
     image, point = measured.image[second], measured.point[second]

@@ -1,4 +1,4 @@
-"""Rows from several files with the place each came from, and the checks that need the places."""
+"""Rows from several files with the place each came from, and the checks that need these places."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Places:
 
 
 def given_twice(kind: str, line: int, other: Path | None, more: int) -> tuple[str, str]:
-    """That an entity also is in a line, of the same or another file, and `more` do so; and the remedy."""
+    """A sentence that an entity is also given in another line, how many more are, and the remedy."""
     place = f"line {line}" + (f" of {other}" if other is not None else "")
     count = f" ({more} more like this)" if more else ""
     return f"This {kind} was already given in {place}{count}.", "Delete one of the two rows."

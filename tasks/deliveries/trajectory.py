@@ -1,4 +1,4 @@
-"""Exposures from a trajectory: interpolated at the moments of the events, never beyond its samples.
+"""Exposures from a trajectory: interpolated at the times of the events, never beyond its samples.
 
 Positions by cubics through positions and velocities, attitudes by cubics of rotation vectors through
 attitudes and rates (`adjust.geometry.interpolation`), both geocentric; σ linearly. Where the file has no
@@ -162,7 +162,7 @@ def _refuse_outside(events: EventRecords, found: _Found, declared: EventsInput) 
 
 
 def _samples(records: TrajectoryRecords) -> ExposureRecords:
-    """Each sample as an exposure, called by its number."""
+    """Each sample as an exposure, named by its number."""
     count = len(records.time_s)
     nothing, nobody = np.full((count, 3), np.nan), pa.nulls(count, pa.string())
     return ExposureRecords(
@@ -292,7 +292,7 @@ def _about_window(window: Window) -> list[str]:
 
 
 def _about_precision(interval: float, metres: Floats, radians: Floats) -> str:
-    """How well samples next to the events are found from the others around them."""
+    """How well samples next to the events are predicted from the others around them."""
     known = np.isfinite(metres).any(axis=1)
     if not known.any():
         return "no event has enough samples around it to test the interpolation."
@@ -320,7 +320,7 @@ def _about_motion(exposures: ExposureRecords, rows: Ints, metres: Floats) -> lis
 
 
 def _outliers(metres: Floats, sigma: Floats) -> Ints:
-    """Events (k,) next to a sample that is farther from where the others put it than usual and than its σ."""
+    """Events (k,) next to a sample that deviates from its prediction by more than usual and than its σ."""
     worst = np.nan_to_num(np.fmax(metres[:, 0], metres[:, 1]))
     length = np.linalg.norm(sigma, axis=1)
     allowed = np.where(np.isfinite(length), _OUTLIER_SIGMAS * length, _OUTLIER_M)

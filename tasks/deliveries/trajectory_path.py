@@ -1,4 +1,4 @@
-"""A trajectory with few samples, to be looked at: where it went, its gaps, what does not belong to it."""
+"""A trajectory thinned for display: its path, its gaps, and samples that do not belong to it."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Window:
         return between(self._pose(first, 1), self._pose(last, 1), interval, since)
 
     def left_out(self) -> tuple[Floats, Floats]:
-        """What a sample next to an event differs from where the others around it put it, m and rad.
+        """Difference of a sample next to an event from its prediction by the others around it, m and rad.
 
         (n, 2) each, for the samples before and after the event; NaN where there are too few. Every other
         sample is left out, so that the interval is twice that of the interpolation.
@@ -82,7 +82,7 @@ class Window:
         return Poses(self.position[:, sample], velocity, self.attitude[:, sample], rate)
 
     def _sides(self, sample: int, stride: int) -> tuple[int, int, Floats, Floats]:
-        """The samples before and after one, and their weights (n,) in a derivative; 0: not there."""
+        """The samples before and after one, and their weights (n,) in a derivative; 0: missing."""
         before, after = max(sample - stride, 0), min(sample + stride, _SAMPLES - 1)
         has_before = self.linked[:, before:sample].all(axis=1) & (before < sample)
         has_after = self.linked[:, sample:after].all(axis=1) & (sample < after)
@@ -160,7 +160,7 @@ def window_of(
 
 
 def _agree(given: Floats, found: Floats, part: float, slack: float) -> bool:
-    """Whether derivatives (n, 3) agree in the median to a part of their size."""
+    """Whether derivatives (n, 3) agree in the median to a fraction of their size."""
     if len(given) == 0:
         return True
     away = np.median(np.linalg.norm(given - found, axis=1))

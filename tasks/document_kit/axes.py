@@ -17,7 +17,7 @@ WIDTH = 960.0
 
 @dataclass(frozen=True)
 class Scale:
-    """A straight way from values to places in the drawing.
+    """A linear scale from values to positions in the drawing.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Footprints of images: their corners projected onto a horizontal plane, and how many cover a place."""
+"""Footprints of images: their corners projected onto a horizontal plane, and how many cover a location."""
 
 from __future__ import annotations
 

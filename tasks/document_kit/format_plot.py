@@ -30,7 +30,7 @@ class FormatPlot:
     def within(
         cls, half_format: tuple[float, float], left: float, top: float, width: float, height: float
     ) -> FormatPlot:
-        """As large as fits into a box, at its left edge; `half_format` in metres."""
+        """A plot as large as fits into a box, at its left edge; `half_format` in metres."""
         half_x, half_y = (half * _MM for half in half_format)
         unit = min(width / (2 * half_x), height / (2 * half_y))
         return cls(

@@ -47,7 +47,7 @@ class MapPlot:
 
     @property
     def bottom(self) -> float:
-        """Height under the axis and its label."""
+        """Height below the axis and its label."""
         return self.y.start + _BOTTOM
 
     def axes(self) -> Markup:

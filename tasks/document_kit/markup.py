@@ -48,7 +48,7 @@ def group(css_class: str, children: Iterable[Markup]) -> Markup:
 
 
 def title(text: str) -> Markup:
-    """The text a browser shows while the pointer rests on the element around it."""
+    """The text a browser shows while the pointer rests on the enclosing element."""
     return element("title", {}, text)
 
 

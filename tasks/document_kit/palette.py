@@ -1,4 +1,4 @@
-"""Colours that stay apart for colour-blind readers and on a grey printer.
+"""Colours that remain distinct for colour-blind readers and on a grey printer.
 
 Sequences run from light to dark, so that their order survives without hue. Categories are drawn from the
 eight colours proposed by Okabe and Ito (2008).

@@ -1,4 +1,4 @@
-"""Tables of the report: every number carries its full value besides the digits that are shown.
+"""Tables of the report: every number has its full value in addition to the digits shown.
 
 The page writes the full value into ``data-value``, so that a program (and the tests) can compare the report
 with the artifacts.
@@ -115,7 +115,7 @@ class Table:
 
     @property
     def body(self) -> Markup:
-        """The rows as HTML: of thousands of rows a template would take as long as the adjustment."""
+        """The rows as HTML; for thousands of rows, a template would take as long as the adjustment."""
         texts = ["<td>" if column.numeric else '<td class="words">' for column in self.columns]
         values = [f'<td data-column="{escape(column.name)}" data-value="' for column in self.columns]
         lines = []
@@ -152,5 +152,5 @@ def decimals_for(value: float | None, digits: int = 2) -> int:
 
 
 def _exponent(value: float, digits: int = 17) -> int:
-    """Power of ten of a value that is rounded to so many digits behind the first."""
+    """Power of ten of a value rounded to so many digits after the first."""
     return int(f"{abs(value):.{digits}e}".split("e")[1])

@@ -1,4 +1,4 @@
-"""The templates of a page: escaping on for everything, nothing undefined passes."""
+"""The templates of a page: everything is escaped, and undefined names are errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 @cache
 def templates(*folders: Path) -> Environment:
-    """Templates of some folders, the first one that has a name decides."""
+    """Templates of some folders; the first folder that has a name decides."""
     return Environment(
         loader=FileSystemLoader(folders),
         autoescape=True,

@@ -26,7 +26,7 @@ from tasks.settings.adjustment import AdjustmentSettings
 def adjustment_figures(
     adjusted: AdjustedBlock, settings: AdjustmentSettings, parameters: pd.DataFrame
 ) -> dict[str, JSON]:
-    """Figures of summary.json that the adjustment knows."""
+    """Figures of summary.json that come from the adjustment."""
     result = adjusted.result
     rays = result.groups[0]
     sigma_image = float(np.median(rays.sigma))

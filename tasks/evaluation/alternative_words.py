@@ -12,7 +12,7 @@ POWER = NormalDist().inv_cdf(0.8)
 
 
 def alternative_words(row: Mapping[Hashable, object]) -> str:
-    """What a row of model_alternatives.parquet is about: ``GNSS shift z at the height 780 m``."""
+    """The subject of a row of model_alternatives.parquet: ``GNSS shift z at the height 780 m``."""
     return f"{quantity_words(str(row['quantity']))}{where(str(row['scope']), str(row['part']))}"
 
 

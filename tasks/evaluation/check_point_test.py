@@ -1,4 +1,4 @@
-"""Whether the differences at check points are as large as their standard deviations let expect.
+"""Whether the differences at check points are as large as expected from their standard deviations.
 
 Σ = σ0² Q + Σ_survey for each coordinate, Q with the correlations of the adjusted points: they have common
 images and parameters, so many points may hold little more than one draw. σ0² is of what was adjusted;

@@ -1,4 +1,4 @@
-"""Distances between object points after the adjustment: as it has them, and against their σ."""
+"""Distances between object points after the adjustment: adjusted values, and differences against σ."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ class MapCells:
         )
 
     def spread(self, most: int) -> Ints:
-        """At most so many of the cells, in every k-th row and column; never none."""
+        """At most so many of the cells, in every k-th row and column; at least one."""
         row, column = np.divmod(self.number, self.grid.columns)
         step = 1
         while True:

@@ -1,4 +1,4 @@
-"""What alternatives of the model change at the image points, some of them at a time."""
+"""Changes of the image points by alternatives of the model, a few alternatives at a time."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def refraction(block: Block, rays: ImagePoints, interior: Floats) -> Floats:
 def image_errors(
     rays: ImagePoints, camera: int, principal_point: Floats, errors: AdditionalParameters
 ) -> list[Callable[[slice], Floats]]:
-    """For each of some additional parameters, what it adds to computed image points of one camera.
+    """The effect of each of some additional parameters on computed image points of one camera.
 
     Each is a function of the rows (a range of them); it returns (r, 2) metres for a parameter of 1.
 

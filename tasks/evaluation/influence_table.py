@@ -1,4 +1,4 @@
-"""How system parameters answer to GNSS, INS, strip biases and control, as a table.
+"""The influence of GNSS, INS, strip biases and control on system parameters, as a table.
 
 Whoever applies a calibration to the flight it comes from needs it: the errors of the one are in the other.
 """

@@ -85,7 +85,7 @@ class Alternative:
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """What no other alternative of a block has."""
+        """Unique among the alternatives of a block."""
         return self.quantity, self.entity, self.scope, self.part
 
 
@@ -109,7 +109,7 @@ class _Material:
 def model_alternatives(
     block: Block, given: GivenOrientations, observations: Observations, cameras: pd.DataFrame
 ) -> tuple[Alternative, ...]:
-    """All alternatives of a block's model; what is estimated already is none.
+    """All alternatives of a block's model; already estimated parameters are not among them.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def model_alternatives(
 
 
 def _parts(block: Block, given: GivenOrientations, observations: Observations) -> Iterator[_Part]:
-    """Flights, heights, directions and strips; a division into one part is none."""
+    """Flights, heights, directions and strips; a division into one part is omitted."""
     if len(given.flights) > 1:
         for number, name in enumerate(given.flights):
             yield _Part("flight", name, given.flight_of_image == number)
@@ -243,7 +243,7 @@ def _of_positions(material: _Material) -> Iterator[Alternative]:
 
 
 def _turned_meanwhile(material: _Material, flight: int) -> ObservationAlternative | None:
-    """What the time offset of a flight does to attitudes whose rates are known."""
+    """The effect of a flight's time offset on attitudes with known rates."""
     ins = next((item for item in material.observations.others if isinstance(item, InsAttitudes)), None)
     if ins is None or ins.turning is None:
         return None

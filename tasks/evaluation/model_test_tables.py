@@ -52,7 +52,7 @@ class ExaminedModel:
 
     @property
     def scale(self) -> float:
-        """Factor of all σ: σ0 where it is above 1; σ that are stated too large make nothing significant."""
+        """Factor of all σ: σ0 where it is above 1; σ stated too large make nothing significant."""
         return max(1.0, self.adjusted.result.test.sigma0)
 
     @cached_property
@@ -88,7 +88,7 @@ class ExaminedModel:
         return self.found.tests.joint(self.order) if self.order else (0.0, np.zeros(0))
 
     def figures(self) -> dict[str, JSON]:
-        """For summary.json: how far all of them together move a parameter, and what they do not explain."""
+        """For summary.json: how far they move a parameter together, and what they leave unexplained."""
         moved = np.abs(self._moved_sigmas[:, list(self.order)] @ self.joint[1])
         return {
             "moved_by_findings": float(moved.max(initial=0.0)),
@@ -175,7 +175,7 @@ class ExaminedModel:
         )
 
     def _alike(self, k: int) -> str | None:
-        """Other alternatives, of no single strip, that would look nearly the same, the likest first."""
+        """Other alternatives, not of single strips, that would look nearly the same, most similar first."""
         likeness = np.abs(np.nan_to_num(self.found.tests.correlation[k]))
         others = [
             alternative_words({"quantity": item.quantity, "scope": item.scope, "part": item.part})
@@ -228,7 +228,7 @@ class ExaminedModel:
         return self.adjusted.result.layout.border_quantities
 
     def _calibrated(self) -> Bools:
-        """(g,) which columns of the border belong to a calibration: what is random in a strip does not."""
+        """(g,) which columns of the border belong to a calibration: those random in a strip do not."""
         families = [
             item.family.entity_kind != "strip"
             for item in self.adjusted.result.layout.system

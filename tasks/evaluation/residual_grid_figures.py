@@ -63,7 +63,7 @@ def _rows(camera: str, component: int, name: str, own: Autocorrelation) -> pd.Da
 
 
 def residual_grid_figures(cameras: tuple[FrameCamera, ...], grids: BlockGrids, confidence: float) -> JSON:
-    """What the mean residuals of each camera amount to, and how corrections were found."""
+    """The size of the mean residuals of each camera, and how corrections were found."""
     rows = tuple(
         _camera_figure(camera.name, grid, field, confidence)
         for camera, grid, field in zip(cameras, grids.grids, grids.fields, strict=True)

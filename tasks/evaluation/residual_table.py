@@ -1,4 +1,4 @@
-"""The residuals of an adjusted block as a table: the largest of all, so written piece by piece.
+"""The residuals of an adjusted block as a table: the largest table of all, so written piece by piece.
 
 The rows of a group are sorted by indices; names, and the values in the units of the contract, exist only for
 the piece that is being written.
@@ -157,7 +157,7 @@ def _extended(names: tuple[str, ...], more: pd.Series) -> tuple[tuple[str, ...],
 
 
 def _titles(block: Block, group: ObservationGroup) -> tuple[Names, Ints]:
-    """What the observations of a group are called in the table: priors have their entity in it.
+    """Names of the observations of a group in the table: those of priors include their entity.
 
     Distances have the point at their other end.
     """

@@ -44,7 +44,7 @@ PIECE = 50_000
 
 @dataclass(frozen=True, eq=False)
 class AdjustedBlock:
-    """A result with what is needed to write it down.
+    """A result with all that is needed to write its tables.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class AdjustedBlock:
 
     @cached_property
     def cofactor(self) -> Cofactor:
-        """Cofactors which, times σ0², are covariances: with the errors of considered parameters in them."""
+        """Cofactors that, times σ0², are covariances; they include the errors of considered parameters."""
         return with_considered(self.result.cofactor, self.sigma0)
 
     @property

@@ -133,7 +133,7 @@ def _is_gone(selection: SelectedAdjustment, decision: Decision) -> bool:
 
 
 def eliminated_parameters(table: pd.DataFrame) -> frozenset[tuple[str, str]]:
-    """(parameter, entity) of what was taken out, from self_calibration.parquet."""
+    """(parameter, entity) of the eliminated parameters, from self_calibration.parquet."""
     gone = table[table["decision"] == "is eliminated"]
     return frozenset(zip(gone["parameter"], gone["entity"], strict=True))
 

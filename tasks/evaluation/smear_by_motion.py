@@ -1,4 +1,4 @@
-"""The smear that the movement of the camera makes, image by image, against the one that its edges show."""
+"""The smear caused by the movement of the camera, image by image, compared with that of its edges."""
 
 from __future__ import annotations
 

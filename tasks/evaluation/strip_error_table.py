@@ -1,4 +1,4 @@
-"""Joint errors of the strips of an adjustment, as a table: what a second step cannot see in their scatter."""
+"""Joint errors of the strips of an adjustment as a table: what their scatter hides from a second step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Control and check points after the adjustment: as it has them, and as it would have them left out."""
+"""Control and check points after the adjustment: adjusted, and as predicted without each of them."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def _figure(members: list[Quantity], correlation: float | None = None) -> WeakPa
 
 
 def _pairs(correlation: Floats) -> list[tuple[int, int]]:
-    """The pairs that are correlated most, strongest first."""
+    """The most strongly correlated pairs, strongest first."""
     first, second = np.triu_indices(len(correlation), 1)
     size = np.abs(correlation[first, second])
     order = np.argsort(-size, kind="stable")[:_MOST_PAIRS]

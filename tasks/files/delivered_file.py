@@ -1,4 +1,4 @@
-"""Delivered files: opened in one place, ordinary ones only, and none larger than this installation takes.
+"""Delivered files: opened in one place, ordinary files only, none larger than this installation accepts.
 
 A file that somebody delivers may be a device, a pipe, a folder, a link that was put there a moment ago, or
 without end. Every reader of delivered files opens them here; what is wrong is said in one sentence before any
@@ -45,7 +45,7 @@ _DIGESTS: ContextVar[Mapping[Path, str] | None] = ContextVar("digests", default=
 
 @dataclass(frozen=True)
 class FileLimits:
-    """What this installation takes.
+    """Limits of this installation for delivered files.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ def _number(environment: Mapping[str, str], variable: str, usual: int) -> int:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is anything at a path; not at one that no file can have."""
+    """Whether there is anything at a path; False for an impossible path."""
     try:
         path.stat()
     except (OSError, ValueError):
@@ -130,7 +130,7 @@ def is_there(path: Path) -> bool:
 
 
 def trouble_of(path: Path, kind: Kind = "table") -> InputError | None:
-    """Why this file would not be read, as far as can be said without opening it; None: it would."""
+    """Why this file would be refused, as far as is known without opening it; None: it would not."""
     try:
         status = path.stat()
     except OSError as error:
@@ -158,7 +158,7 @@ def read_delivered(path: Path, kind: Kind) -> bytes:
 
 
 def pieces_of_delivered(path: Path, kind: Kind, size: int) -> Iterator[bytes]:
-    """The bytes of a delivered file in pieces of a size, so that it never is in memory as a whole.
+    """The bytes of a delivered file in pieces of a size, so that it is never in memory as a whole.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def digest_for_key(path: Path) -> str:
 
 @contextmanager
 def keyed_by(digests: Mapping[Path, str]) -> Iterator[None]:
-    """While a stage runs: its key and all it reads of these files are of the bytes with these digests."""
+    """While a stage runs, its key and everything it reads refer to the bytes with these digests."""
     token = _DIGESTS.set(digests)
     try:
         yield
@@ -220,7 +220,7 @@ def keyed_by(digests: Mapping[Path, str]) -> Iterator[None]:
 
 
 def changed(path: Path) -> InputError:
-    """That a file is not what it was when the stage that reads it began."""
+    """The error that a file has changed since the stage that reads it began."""
     return InputError(
         "The file changed while it was being read.",
         "Wait until it has been delivered completely, then run again.",

@@ -34,7 +34,7 @@ _REFUSED = {
 
 @dataclass
 class InstallationError(AerocalError):
-    """The machine, not the project, is in the way.
+    """The machine, not the project, prevents a run.
 
     Attributes
     ----------

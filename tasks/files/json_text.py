@@ -1,4 +1,4 @@
-"""JSON as it is written here: one spelling for one content, and no number that is not one."""
+"""JSON as it is written here: one spelling for each content, without NaN and infinity."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def json_text(value: JSON, *, indent: int | None = None) -> str:
 
 
 def finite(value: JSON) -> JSON:
-    """`value` with every NaN and infinite number replaced by null: what cannot be computed does not exist."""
+    """`value` with null for every NaN and infinite number: values that cannot be computed are missing."""
     if isinstance(value, float):
         # float() also frees a numpy scalar of its type.
         return float(value) if math.isfinite(value) else None

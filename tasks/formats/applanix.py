@@ -187,7 +187,7 @@ def _projection(header: str, datum: str | None) -> str | None:
 
 
 def _applied(path: Path, header: str) -> tuple[str, ...]:
-    """What the header says was applied, for who calibrates with these exposures."""
+    """Corrections applied according to the header, for those who calibrate with these exposures."""
     said = [
         re.sub(r"\s+", " ", line).strip(" .")
         for line in header.split("\n")

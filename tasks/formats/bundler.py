@@ -29,7 +29,7 @@ from tasks.formats.text_lines import DeliveredLines
 
 
 def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
-    """Read the oriented images; all zeros are one that is not.
+    """Read the oriented images; one with all zeros is not oriented.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
 
 
 def read_bundler_image_points(path: Path) -> ImagePointRecords:
-    """Read the image points of all points; points go by their numbers, 0 for the first.
+    """Read the image points of all points; points are named by their numbers, from 0.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Dates with a time as seconds since 6 January 1980, on whatever scale they are."""
+"""Dates with a time as seconds since 6 January 1980, on any time scale."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def _is_text(content: bytes) -> bool:
 
 
 def model_of_number(number: int) -> str:
-    """The name of a model; the number where it is not known."""
+    """The name of a model; the number if it is unknown."""
     return _NUMBERS[number] if 0 <= number < len(_NUMBERS) else f"{number}"
 
 
@@ -314,6 +314,6 @@ def _cut_off(path: Path, entry: int | None) -> InputError:
 
 
 def _text_lines(content: bytes) -> Iterator[tuple[int, str]]:
-    """Lines without limit of their length: one of them holds all points of an image."""
+    """Lines of any length: one of them holds all points of an image."""
     text = content.decode("utf-8", errors="replace")
     yield from enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1)

@@ -179,7 +179,7 @@ def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRe
 
 
 def _sigma(path: Path, covariance: object, entry: int) -> Floats:
-    """Standard deviations (3,) of a covariance; NaN where it is none."""
+    """Standard deviations (3,) of a covariance; NaN if it is invalid."""
     values = _array(path, covariance or b"", "<f8", entry)
     if len(values) != 9:
         return np.full(3, np.nan)
@@ -209,7 +209,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _rows(path: Path, database: sqlite3.Connection, table: str, columns: str) -> Iterator[tuple[Any, ...]]:
-    """Rows of a plain table, and of nothing else of this name: a view could be without end."""
+    """Rows of a plain table, not of a view of this name, which could be endless."""
     plain = "type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%'"
     found = database.execute(f"SELECT 1 FROM sqlite_master WHERE name = ? AND {plain}", (table,)).fetchone()
     if found is None:

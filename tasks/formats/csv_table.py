@@ -1,4 +1,4 @@
-"""Tables of text as they are laid out: the line of headings, which columns they mean, the rows below.
+"""Text tables: the line of headings, the meaning of their columns, the rows below.
 
 Headings may have upper case and be written as others do (``sigma_x``, ``std x``); one that is nearly a column
 that is read is an error. How a table of others is laid out is declared (`tasks.formats.table_layout`).
@@ -117,7 +117,7 @@ def _header(text: DeliveredLines, layout: TableLayout) -> tuple[int, list[str], 
 
 
 def _without_comments(piece: bytes, layout: TableLayout) -> bytes:
-    """Whole lines of which those that are comments are empty: lines count as in the file."""
+    """The lines with comments emptied, so that line numbers stay those of the file."""
     if not layout.comment:
         return piece
     mark = re.escape(layout.comment.encode(layout.encoding, errors="replace"))
@@ -147,7 +147,7 @@ def _recognised(name: str, known: Sequence[str]) -> str:
 def _refuse_near_misses(
     names: Sequence[str], required: Sequence[str], optional: Sequence[str], path: Path, line: int
 ) -> None:
-    """A column that is nearly one this program reads must not be passed over in silence."""
+    """Refuse a column whose name is nearly one this program reads, instead of ignoring it silently."""
     absent = [name for name in optional if name not in names]
     for name in names:
         if name in required or name in optional:

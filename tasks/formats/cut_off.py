@@ -1,4 +1,4 @@
-"""Whether a table ends inside a number: nothing else of the file shows that it was cut off there."""
+"""Whether a table ends inside a number: nothing else in a file shows that it was truncated there."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def read_mrk_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
 
 
 def read_mrk_events(path: Path) -> EventRecords:
-    """Read the times of exposures, with the way from the antenna to the camera.
+    """Read the times of exposures, with the vector from the antenna to the camera.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Headings of tables as others write them: what the project file has to declare to have them read.
+"""Headings of tables by others: what the project file must declare to have them read.
 
 Nothing is taken for granted from a heading that is not ours; but the error that it makes names the line of
 the project file with which the table can be read as it stands.
@@ -139,7 +139,7 @@ def refuse_other_separator(
 
 
 def alike(wanted: Iterable[str], fields: Sequence[str]) -> dict[str, str]:
-    """Our names of columns → the headings of a file that look like them; no heading stands for two."""
+    """Our names of columns → the headings of a file that look like them; no heading is used for two."""
     plain = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(fields)}
     found: dict[str, str] = {}
     for name in wanted:

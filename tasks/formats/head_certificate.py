@@ -101,7 +101,7 @@ class HeadCertificate:
 
     @property
     def camera(self) -> CameraRecord:
-        """The camera it is of."""
+        """The camera it describes."""
         value = dict(zip(self.names, self.values, strict=True))
         return CameraRecord(
             self.columns,
@@ -185,7 +185,7 @@ def _refuse_other_unit(
     half_diagonal: float,
     path: Path,
 ) -> None:
-    """A unit in which the lens is impossible, with what the numbers say in the other one."""
+    """Refuse a unit in which the lens is impossible; the message shows the numbers in the other unit."""
     other = "m" if unit == "mm" else "mm"
     wrong = _impossible(printed, unit, nominal, half_diagonal)
     if not wrong:

@@ -55,7 +55,7 @@ def read_ign_camera(path: Path) -> CameraRecord:
 
 
 def _refuse_other_lens(root: ElementTree.Element, focal_mm: float, path: Path) -> None:
-    """A wrong size of the pixel changes the principal distance, and nothing that is measured shows it."""
+    """Refuse an implausible lens: a wrong pixel size changes the principal distance without other signs."""
     stated = _LENGTH.fullmatch((root.findtext("objectif") or "").strip())
     if stated is None:
         return
@@ -105,7 +105,7 @@ def _number(root: ElementTree.Element, name: str, path: Path) -> float:
 
 
 def _positive(root: ElementTree.Element, name: str, path: Path, least: float = 0.5) -> float:
-    """A number of at least so much, by default a pixel when rounded, and at most the pixels of an image."""
+    """A number not below a minimum (by default a pixel when rounded) and not above the pixels of an image."""
     value = _number(root, name, path)
     if not least < value <= MOST_PIXELS:
         raise InputError(

@@ -146,7 +146,7 @@ def read_ign_opk(path: Path, order: AngleOrder) -> ExposureRecords:
 
 
 def _flight_and_strip(image: pa.Array) -> tuple[pa.Array, pa.Array]:
-    """Flight and strip in names like ``21FD244720x00015_00614``; null where the name is made otherwise."""
+    """Flight and strip in names like ``21FD244720x00015_00614``; null where the name has another form."""
     import pandas as pd
 
     encoded = image.dictionary_encode()

@@ -30,7 +30,7 @@ _TOGETHER = 10_000
 
 @dataclass
 class _Entry:
-    """What stands between begin and end."""
+    """The content between begin and end."""
 
     kind: str
     title: list[str]

@@ -1,4 +1,4 @@
-"""Columns of names put one after the other, each name kept once, in little more memory than they take anyway.
+"""Concatenated columns of names, each name kept once, in little more memory than they already take.
 
 To tell whether a name came before, Arrow keeps up to a hundred bytes for each. Where there are many they are
 therefore dealt into shares by their characters, and looked up share by share.
@@ -69,7 +69,7 @@ def room_of_names(names: pa.StringArray) -> int:
 
 
 def _share_of(names: pa.StringArray, shares: int) -> NDArray[np.int32]:
-    """The share (n,) that each name is dealt into."""
+    """The part (n,) to which each name is assigned."""
     share = np.zeros(len(names), dtype=np.int32)
     if shares == 1:
         return share

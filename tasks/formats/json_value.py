@@ -29,7 +29,7 @@ class JsonValue:
     value: object
 
     def has(self, key: str) -> bool:
-        """Whether the value is an object with this key, and something stands there."""
+        """Whether the value is an object with this key, and a value other than null."""
         return isinstance(self.value, dict) and self.value.get(key) is not None
 
     def __getitem__(self, key: str) -> JsonValue:

@@ -1,4 +1,4 @@
-"""What a format itself fixes of its numbers, whatever file is written in it.
+"""What a format itself defines about its numbers, for every file.
 
 A project file declares the same; what is not in these tables has to be asked of whoever delivered the file.
 """

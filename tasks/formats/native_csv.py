@@ -177,7 +177,7 @@ def _optional_text(table: TextTable, name: str) -> pa.Array:
 
 
 def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, CameraRecord]:
-    """Read cameras by their names; the principal point is NaN where the layout has it elsewhere.
+    """Read cameras by their names; the principal point is NaN if the layout declares it elsewhere.
 
     Raises
     ------

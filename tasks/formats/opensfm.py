@@ -242,7 +242,7 @@ def read_odm_measurements(path: Path) -> ImagePointRecords:
 def _gcp_list(
     path: Path, rows: Iterator[tuple[int, str]]
 ) -> Iterator[tuple[str, list[float], list[float], str, int]]:
-    """Of every line name, coordinates, pixel, image and number."""
+    """Name, coordinates, pixel, image and number of every line."""
     names: dict[tuple[float, ...], str] = {}
     for number, line in rows:
         fields = line.split("\t") if line.count("\t") >= 5 else line.split()

@@ -222,7 +222,7 @@ def _pair(value: JsonValue) -> list[JsonValue]:
 
 
 def _gps_bias(project: OpfProject) -> tuple[str, ...]:
-    """What the project says of positions by GNSS against its calibrated ones."""
+    """The stated offset of GNSS positions from the calibrated ones."""
     bias = project.optional("calibration", "gps-bias")
     if bias is None:
         return ()

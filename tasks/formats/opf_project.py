@@ -98,7 +98,7 @@ def name_of(number: int, names: Mapping[int, str], file: Path, where: str | None
 
 
 def canonical_shift(scene: JsonValue) -> Floats:
-    """Canonical − (east, north, up): canonical axes are right-handed, whatever those of the CRS are."""
+    """Canonical − (east, north, up): canonical axes are right-handed, whatever the axes of the CRS."""
     frame = scene["base_to_canonical"]
     swapped = frame.has("swap_xy") and frame["swap_xy"].value is True
     if swapped != (_directions(crs_of(scene["crs"])) == ["north", "east"]):

@@ -149,7 +149,7 @@ def _fitted(radius: Floats, value: Floats) -> tuple[Floats, float]:
 
 
 def _refuse_misprint(path: Path, lines: list[int], radius: Floats, value: Floats, misfit: float) -> NoReturn:
-    """Name the row without which all others are one polynomial."""
+    """Raise, naming the row without which all others fit one polynomial."""
     without = [_fitted(np.delete(radius, row), np.delete(value, row)) for row in range(len(radius))]
     row = int(np.argmin([left for _, left in without]))
     coefficients, left = without[row]

@@ -57,7 +57,7 @@ class PackedFolder:
             ) from error
 
     def beside(self, name: str, uri: str) -> str:
-        """The name of a member that another one names by a relative address."""
+        """The name of a member to which another one refers by a relative address."""
         parts: list[str] = []
         for part in [*PurePosixPath(name).parent.parts, *PurePosixPath(uri.replace("\\", "/")).parts]:
             parts = parts[:-1] if part == ".." else [*parts, part]

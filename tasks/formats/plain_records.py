@@ -115,7 +115,7 @@ def names_of_numbers(numbers: NDArray[np.integer[Any]]) -> pa.DictionaryArray:
 
 
 class NothingInFileError(InputError):
-    """A file of several kinds of things has none of this one."""
+    """A file that can hold several kinds of data has none of this kind."""
 
 
 def control_of(
@@ -190,7 +190,7 @@ def degrees_of_rotations(path: Path, rotation: Floats, image: Sequence[str], lin
 
 
 def pieces_of(count: int) -> list[slice]:
-    """Rows that are computed together, so that what is computed between takes little memory."""
+    """Rows that are computed together, so that intermediate results take little memory."""
     return [slice(begin, begin + _TOGETHER) for begin in range(0, count, _TOGETHER)]
 
 

@@ -65,7 +65,7 @@ class ImagePointRecords:
     extra: Mapping[str, pa.Array] = field(default_factory=dict)
 
     def without_names(self) -> ImagePointRecords:
-        """The same but for the names of images and points, whose columns are empty."""
+        """The same with empty columns of image and point names."""
         return replace(self, image=self.image.slice(0, 0), point=self.point.slice(0, 0))
 
 
@@ -211,7 +211,7 @@ class CameraRecord:
 
 @dataclass(frozen=True, slots=True)
 class PixelCamera:
-    """A frame camera of a file that knows pixels only; how large they are, the project file declares.
+    """A frame camera of a file that knows pixels only; the project file declares their size.
 
     Attributes
     ----------

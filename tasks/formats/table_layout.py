@@ -1,4 +1,4 @@
-"""How a table of text is laid out, as its project file declares it."""
+"""Layout of a text table as its project file declares it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MARKS: Mapping[Separator, str] = {"comma": ",", "semicolon": ";", "tab": "\t", "
 
 @dataclass(frozen=True)
 class TableLayout:
-    """Layout of a table; without any declaration that of our own files.
+    """Layout of a table; without a declaration, that of our own files.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Delivered text as pieces of whole lines, so that a table of gigabytes never is in memory as a whole.
+"""Delivered text as pieces of whole lines, so that a table of gigabytes is never in memory as a whole.
 
 The file is read twice: once to see how many rows it has and whether it can be a table at all, then to take
 the rows apart. The digest of the bytes is looked at in every reading (`tasks.files.delivered_file`).
@@ -67,7 +67,7 @@ class DeliveredLines:
         return cls(file, lines, size, is_utf8, lone_return)
 
     def pieces(self) -> Iterator[bytes]:
-        """The content without byte-order mark, in pieces of whole lines that end in LF, but for the last."""
+        """The content without byte-order mark, in pieces of whole lines; all but the last end in LF."""
         return _pieces(self.file, self.lone_return)
 
 

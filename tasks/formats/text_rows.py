@@ -1,4 +1,4 @@
-"""Rows of text taken apart: fast if they are as they should be, else with the line and field to blame.
+"""Rows of text split into fields: fast if they are correct, otherwise naming the wrong line and field.
 
 Rows go through Arrow's compiled parser. What it does not take as it stands (blank lines, quotation marks
 behind blanks, anything wrong) goes through that of pandas, which says where; only if that fails, too, are the
@@ -83,7 +83,7 @@ class Rows:
 
 
 def rows_of(content: bytes, layout: Layout, first_line: int) -> Rows:
-    """Take rows apart.
+    """Split rows into fields.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def rows_of(content: bytes, layout: Layout, first_line: int) -> Rows:
 
 
 def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
-    """Rows that Arrow takes as pandas would; None: they have to be looked at more closely."""
+    """Rows that Arrow takes as pandas would; None: they must be examined more closely."""
     # A NUL ends a field for one of them; blanks before a quotation mark are passed over by one only.
     if b"\0" in content or (layout.quote.encode() in content and _marks_behind_blanks(content, layout)):
         return None

@@ -151,7 +151,7 @@ class TextTable:
 
 
 def first_trouble(names: pa.Array) -> tuple[int, str] | None:
-    """Number of the first of distinct names that nobody can read, and why; None: all are names."""
+    """Number of the first unreadable one of distinct names, and why; None: all are readable."""
     for begin in range(0, len(names), _MANY):
         some = names.slice(begin, _MANY)
         # Nearly all are ordinary, which is known for all of them at once.

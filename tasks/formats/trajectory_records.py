@@ -24,7 +24,7 @@ Count: TypeAlias = Literal["week", "day", "date"]
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The scale of times, and from when they count.
+    """The scale of times and their origin.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""XML files of others: parsed as plain elements, without anything that XML can do besides."""
+"""XML files: parsed as plain elements, without any other feature of XML."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def approved_calibrations(
     project: ProjectSettings,
     rigs: Mapping[str, CameraInput] | None = None,
 ) -> dict[str, StoredCalibration]:
-    """For each of some cameras the calibration that the registry has approved for the day of the flight.
+    """For each camera, the calibration approved in the registry for the day of the flight.
 
     Parameters
     ----------

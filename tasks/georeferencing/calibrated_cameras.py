@@ -1,4 +1,4 @@
-"""The cameras of a project as a calibration has them."""
+"""The cameras of a project with the values of a calibration."""
 
 from __future__ import annotations
 

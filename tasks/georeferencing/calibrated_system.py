@@ -54,7 +54,7 @@ class _Estimated:
 def calibrated_system(
     block: Block, calibration: Calibration, shift_of_flight: str | None
 ) -> CalibratedSystem:
-    """The system parameters of a block whose cameras are calibrated already.
+    """The system parameters of a block whose cameras are already calibrated.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _filled(
 def calibrated_flights(
     calibration: Calibration, flights: tuple[str, ...], shift_of_flight: str | None
 ) -> dict[str, str]:
-    """For each flight the one of the calibration whose shift and time offset it has; empty without any.
+    """For each flight, the flight of the calibration whose shift and time offset apply; empty without any.
 
     Raises
     ------

@@ -62,7 +62,7 @@ class SurveyedControl:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationFlight:
-    """What a calibration was estimated from, and how it answers to it.
+    """The data a calibration was estimated from, and their influence on it.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Calibration:
 
 
 def control_of(surveyed: pd.DataFrame, residuals: pd.DataFrame, crs: str) -> SurveyedControl:
-    """The points of control_points.parquet that were used as control, that is are in control_residuals."""
+    """The points of control_points.parquet that were used as control: those in control_residuals."""
     own = surveyed[surveyed["point"].isin(residuals["point"])]
     return SurveyedControl(tuple(own["point"]), own[["x_m", "y_m", "z_m"]].to_numpy(np.float64), crs)
 
@@ -153,7 +153,7 @@ def calibration_of(
 
 
 def _of_one_flight(parameters: pd.DataFrame) -> dict[Key, str | None]:
-    """Camera of every parameter that holds in one flight alone; None: a table of before does not say it."""
+    """Camera of every parameter that applies to one flight only; None: an older table does not say."""
     of_camera = parameters["parameter"].map(entity_kind) == "camera"
     cameras = parameters.loc[parameters["parameter"] == "focal_length", "entity"]
     unsaid = parameters["camera"].isna() & ~parameters["entity"].isin(cameras)
@@ -193,7 +193,7 @@ def calibration_of_results(source: CalibrationInput) -> Calibration:
 
 
 def _refuse_impossible(parameters: pd.DataFrame, file: Path) -> None:
-    """Refuse values that no camera, mounting or clock has: they were taken in another unit, or damaged."""
+    """Refuse values that no camera, mounting or clock has: they are in another unit, or damaged."""
     for row in parameters.to_dict("records"):
         most = _LARGEST.get(str(row["unit"]))
         if most is not None and abs(row["value"]) > most:

@@ -34,7 +34,7 @@ from tasks.tables.parquet import write_table
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Everything a check looks at.
+    """Everything a check examines.
 
     Attributes
     ----------

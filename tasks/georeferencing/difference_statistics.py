@@ -21,7 +21,7 @@ PARTS = ("image_points", "gnss_ins", "strips", "calibration", "survey", "shared"
 
 
 def difference_figures(found: PointDifferences, chosen: Bools, *, with_limits: bool) -> dict[str, JSON]:
-    """Figures of some of the intersections (q,), three numbers each for east, north, up.
+    """Figures of some of the intersections (q,), each with three numbers for east, north, up.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def _prediction(found: PointDifferences, rows: np.ndarray, axis: int) -> Predict
 
 
 def _parts(found: PointDifferences, chosen: Bools, axis: int) -> dict[str, JSON]:
-    """Root mean squares the sources would give each by itself, metres.
+    """Root mean squares that each source alone would cause, metres.
 
     ``shared``: what the calibration has in common with the others adds to their squares, or takes from them
     with the sign minus.

@@ -1,4 +1,4 @@
-"""A block that is oriented by GNSS, INS and a calibration, with everything its errors come from."""
+"""A block oriented by GNSS, INS and a calibration, with all sources of its errors."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from tasks.settings.self_calibration import SelfCalibrationSettings
 
 @dataclass(frozen=True, eq=False)
 class Delivery:
-    """What a check is made from: exposures, cameras, image points, control points (tables), and the CRS."""
+    """The input of a check: exposures, cameras, image points, control points (tables), and the CRS."""
 
     exposures: pd.DataFrame
     cameras: pd.DataFrame
@@ -93,7 +93,7 @@ class DirectlyOriented:
 
 
 def directly_oriented(delivery: Delivery, calibration: Calibration, rules: CheckRules) -> DirectlyOriented:
-    """Orient the measured images with a calibration, and intersect all points that at least two show.
+    """Orient the measured images with a calibration, and intersect all points that at least two images show.
 
     Points whose rays are nearly parallel or meet behind a camera are left out.
 
@@ -177,7 +177,7 @@ def _observed_images(delivery: Delivery) -> tuple[GivenOrientations, AdjustmentF
 
 
 def _require_times(block: Block, given: GivenOrientations) -> None:
-    """Refuse a calibrated time offset where no velocity tells what it does."""
+    """Refuse a calibrated time offset without velocities, which its effect depends on."""
     has_offset = any(item.family.name == TIME_OFFSET and item.values.any() for item in block.system)
     if has_offset and not np.isfinite(given.time_s).all():
         raise InputError(
@@ -193,7 +193,7 @@ def _intersected(
     orientations: DirectOrientations,
     rules: CheckRules,
 ) -> tuple[Block, ImagePoints]:
-    """The block with its points intersected, only those that can be, and their corrected rays."""
+    """The block with its points intersected where possible, and their corrected rays."""
     state = orientations.state
     block = replace(
         block, projection_centre=state.projection_centre, local_from_camera=state.local_from_camera

@@ -71,7 +71,7 @@ class PointDifferences:
 
     @property
     def own_variance(self) -> Floats:
-        """(q, 3) variance of what no other quantity answers to: image points, and survey that is new."""
+        """(q, 3) variance of errors that affect nothing else: image points, and survey that is new."""
         return self.by_image_points + np.where(self.in_calibration[:, None], 0.0, self.survey_variance)
 
     @property
@@ -162,7 +162,7 @@ def point_differences(
 
 
 def _less_survey(errors: PointErrors, shared: SharedErrors, surveyed: Ints) -> PointErrors:
-    """Errors of differences from surveyed points (q,) that the calibration has seen; −1: from others."""
+    """Errors of differences at surveyed points (q,) that the calibration has used; −1: other points."""
     seen = np.flatnonzero(surveyed >= 0)
     row, column = (3 * index[:, None, None] for index in (seen, surveyed[seen]))
     rows, columns, values = np.broadcast_arrays(

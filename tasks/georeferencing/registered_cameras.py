@@ -70,7 +70,7 @@ def _refuse_flights(name: str, record: CalibrationRecord) -> None:
 
 
 def _filled(camera: CameraInput, record: CalibrationRecord, entity: str, source: str) -> CameraInput:
-    """A camera with the values of a camera of a record; what the record does not refer to stays.
+    """A camera with the values of a camera of a record; others are left unchanged.
 
     Boresight and lever arm of a head follow from those of its reference head.
     """
@@ -110,7 +110,7 @@ def _filled(camera: CameraInput, record: CalibrationRecord, entity: str, source:
 
 
 def _covariance(record: CalibrationRecord, named: Mapping[str, str]) -> CalibrationCovariance:
-    """What the record knows of cameras and their mounting; shifts and times belong to its flight.
+    """The record's covariance of cameras and their mounting; shifts and times belong to its flight.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _is_of_camera(item: CalibratedParameter) -> bool:
 
 
 def with_initial_calibrations(project: Project) -> Project:
-    """The project as a calibration flight uses it: the registry only says where to begin.
+    """The project as a calibration flight uses it: the registry only provides initial values.
 
     A calibration that took over what the registry knows would confirm itself. What a rig does not estimate,
     such as the interior orientation of heads that were calibrated before, is considered.

@@ -22,7 +22,7 @@ _POOR = {
 
 
 def difference_remarks(figures: Mapping[str, JSON], of: str) -> Iterator[str]:
-    """Root mean squares and means that the prediction does not let expect.
+    """Root mean squares and means that disagree with the prediction.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def difference_remarks(figures: Mapping[str, JSON], of: str) -> Iterator[str]:
 
 
 def parallax_remarks(figures: Mapping[str, JSON]) -> Iterator[str]:
-    """y-parallaxes that the prediction does not let expect, and mismatches among them."""
+    """y-parallaxes that disagree with the prediction, and mismatches among them."""
     rms, low, high = (
         _number(figures[f"y_parallax_{name}_um"]) for name in ("rms", "predicted_low", "predicted_high")
     )
@@ -80,7 +80,7 @@ def parallax_remarks(figures: Mapping[str, JSON]) -> Iterator[str]:
 
 
 def calibration_remarks(oriented: DirectlyOriented, calibration: Calibration) -> Iterator[str]:
-    """What is to be known about the calibration that was applied."""
+    """What a reader must know about the applied calibration."""
     if calibration.is_empty:
         yield (
             "The calibration consists of the camera values in the project. They have no σ, so the "
@@ -101,7 +101,7 @@ def calibration_remarks(oriented: DirectlyOriented, calibration: Calibration) ->
 
 
 def _of_which_flight(exposures: SharedExposures) -> str:
-    """Whether the prediction takes the calibration as of this flight or of another one."""
+    """Whether the prediction treats the calibration as one of this flight or of another one."""
     if exposures.of_calibration == 0:
         return (
             "The exposures used for the calibration are not known. The prediction assumes that its "

@@ -50,7 +50,7 @@ def same_exposures(flight: CalibrationFlight, exposures: pd.DataFrame, crs: str)
 
 
 def _same_control(flight: CalibrationFlight, control_points: pd.DataFrame) -> pd.Series:
-    """Names in the calibration of the points of control_points.parquet; empty for what it does not have."""
+    """Names in the calibration of the points of control_points.parquet; empty for missing ones."""
     here, there = (table[_XYZ].to_numpy(np.float64) for table in (control_points, flight.control_points))
     names = np.full(len(here), "", dtype=object)
     for row, place in enumerate(here):
@@ -69,7 +69,7 @@ def shared_errors(
     surveyed: SurveyedPoints,
     control_points: pd.DataFrame,
 ) -> SharedErrors:
-    """What the calibrated parameters of a block have taken from its own observations.
+    """Errors that the calibrated parameters of a block share with its own observations.
 
     Parameters
     ----------
@@ -122,6 +122,6 @@ def _over(one: Floats, other: Floats) -> Floats:
 
 
 def _roots(covariance: Floats) -> Floats:
-    """L (c, 3, 3) with L Lᵀ = covariance; coordinates given with zero stay without error."""
+    """L (c, 3, 3) with L Lᵀ = covariance; coordinates with σ = 0 stay without error."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])

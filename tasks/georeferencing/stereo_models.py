@@ -65,7 +65,7 @@ def _sequences(given: GivenOrientations) -> Ints:
 
 
 def _order(given: GivenOrientations) -> Floats:
-    """(n,) time, or where a strip has none the place along it."""
+    """(n,) time, or the position along the strip if it has no times."""
     order = np.zeros(len(given.image))
     sequence = _sequences(given)
     for strip in np.unique(sequence):

@@ -1,4 +1,4 @@
-"""The deliveries that a project declares: written of its published results, each a gate of the run."""
+"""The deliveries that a project declares: written from its published results, each a gate of the run."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def deliver(store: Store, project: Project, summary: Summary) -> Summary:
 
 
 def _delivered(directory: Path, wanted: DeliverSettings) -> tuple[DeliveryFigure, str]:
-    """What became of a delivery, and a sentence if it was refused."""
+    """The outcome of a delivery, and a sentence if it was refused."""
     folder, misfit, trouble = directory / wanted.place, None, ""
     try:
         _clear(folder)

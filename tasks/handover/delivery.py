@@ -1,4 +1,4 @@
-"""What a writer gets: orientations and cameras as one kind of program takes them, and what a format is."""
+"""The input of a writer: orientations and cameras as one kind of program expects them, and its format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The correction of a camera's image points as regular grids, for programs that take those in place of parameters.
+"""The correction of a camera's image points as regular grids, for programs that use grids, not parameters.
 
 A program interpolates bilinearly between the nodes. What that leaves of the rigorous correction is the misfit; at seams of composed
 images, where the correction jumps, it is as large as the jump.
@@ -25,7 +25,7 @@ _LEAST = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class DistortionGrid:
-    """Regular nodes over the format of a camera, and where they are moved to; image system.
+    """Regular nodes over the format of a camera and their corrected positions; image system.
 
     Attributes
     ----------
@@ -73,12 +73,12 @@ class CameraGrids:
 
     @property
     def moves(self) -> bool:
-        """Whether there is any correction that a digit shows."""
+        """Whether there is any correction as large as the last digit."""
         return self.largest > _LEAST
 
     @property
     def largest(self) -> float:
-        """Largest shift of a node, metres; zero for a camera that nothing is corrected of."""
+        """Largest shift of a node, metres; zero for a camera without corrections."""
         grid = self.ideal_from_measured
         return float(np.linalg.norm(grid.moved - grid.nodes, axis=-1).max())
 
@@ -107,7 +107,7 @@ def _sides(camera: CalibratedCamera, least: int) -> tuple[int, int]:
 
 
 def _with_misfit(grid: DistortionGrid, xy: Floats, moved: Floats) -> DistortionGrid:
-    """The grid with its differences to what points (n, 2) are moved to."""
+    """The grid with its differences from the exact corrected positions of points (n, 2)."""
     away = np.linalg.norm(grid.at(xy) - moved, axis=1)
     return replace(grid, misfit=float(away.max()), rms=float(np.sqrt(np.mean(away**2))))
 

@@ -45,7 +45,7 @@ class Export:
 
 @dataclass
 class DeliveryRefusedError(InputError):
-    """A program would be wrong by a pixel or more.
+    """The results would be wrong by a pixel or more in the receiving program.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ def export_results(
     *,
     force: bool = False,
 ) -> Export:
-    """Hand the results in a folder over in a format.
+    """Export the results in a folder in a format.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def write_block(
 
 
 def lenses_of(block: Results, handed: HandedOver, terms: tuple[str, ...]) -> Lenses:
-    """Cameras with these terms, for the orientations of a kind of program."""
+    """Cameras with these distortion terms, for the orientations of a kind of program."""
     return lens_models(block, terms, handed.pose if handed.refitted else None)
 
 
@@ -189,7 +189,7 @@ def _rigorous(block: Results) -> str | bytes:
 
 
 def _write(folder: Path, files: dict[str, str | bytes]) -> None:
-    """All files, each whole or not at all; the statement last."""
+    """Write all files, each completely or not at all; the statement last."""
     if folder.is_file():
         raise InputError("This is a file, not a folder.", "Give --out another name.", file=folder)
     with writing_into(folder):

@@ -172,7 +172,7 @@ def _code_of(crs: pyproj.CRS) -> int | None:
 
 
 def _plain(name: str) -> str:
-    """A name without the sign that ends the texts of GeoTIFF's keys."""
+    """A name without the character that ends texts in GeoTIFF's keys."""
     return name.encode("ascii", "replace").decode().replace("|", "/")
 
 

@@ -1,4 +1,4 @@
-"""Where points of an image would be without distortion, and back: additional parameters and mean residuals.
+"""Image points without distortion, and the inverse: additional parameters and mean residuals.
 
 Both are points in the image system, from the centre of the format.
 """
@@ -18,7 +18,7 @@ def ideal_points(camera: CalibratedCamera, measured: Floats) -> Floats:
 
 
 def measured_points(camera: CalibratedCamera, ideal: Floats) -> Floats:
-    """Measured points (n, 2) of ideal ones (n, 2), metres; at a seam one near."""
+    """Measured points (n, 2) of ideal ones (n, 2), metres; at a seam, a nearby one."""
     x0 = np.array(camera.frame.principal_point)
     found, _ = measured_from_ideal(
         camera.additional, camera.values, ideal - x0, lambda reduced: camera.mean_residuals(reduced + x0)

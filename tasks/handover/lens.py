@@ -1,4 +1,4 @@
-"""Cameras as programs of computer vision take them: pixels, and distortion from the ideal to the measured point.
+"""Cameras for computer-vision programs: pixels, and distortion from the ideal to the measured point.
 
 Such programs know neither correction polynomials nor mean residuals nor refraction. All go into Brown's coefficients and, for refraction,
 the focal length and principal point, fitted over the format with the ground at middle height below the camera's images; what is left is
@@ -173,7 +173,7 @@ def _wanted(camera: CalibratedCamera, c: float, terms: tuple[str, ...]) -> Addit
 
 
 def _with_format(camera: CalibratedCamera) -> AdditionalParameters:
-    """The camera's parameters over its own format, also where it has none."""
+    """The camera's parameters over its own format, even if it has no parameters."""
     if len(camera.values):
         return camera.additional
     frame = camera.frame

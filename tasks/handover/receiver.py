@@ -1,4 +1,4 @@
-"""How programs understand the world, and what each kind is given.
+"""How kinds of programs represent the world, and what each is given.
 
 The kind is a property of the program, not of the file format: the same PATB file is right for one program and
 wrong by decimetres for another.
@@ -109,7 +109,7 @@ def hand_over(results: Results, world: World, freed: Freed) -> HandedOver:
 
 
 def _polynomials(results: Results) -> HandedOver:
-    """Rational polynomials of measured pixels; all that is known of camera and earth is in them."""
+    """Rational polynomials of measured pixels; they contain the whole model of camera and earth."""
     images = results.images
     fitted, misfit = [], []
     for index, number in enumerate(images.camera):

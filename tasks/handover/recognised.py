@@ -1,4 +1,4 @@
-"""Blocks of other programs that say everything themselves, as a project file that reads them.
+"""Self-describing blocks of other programs, and a project file that reads them.
 
 | given | recognised by |
 |---|---|
@@ -36,7 +36,7 @@ _HEAD = 4_096
 
 @dataclass(frozen=True)
 class RecognisedBlock:
-    """Where the parts of a block are, and what the format says of them.
+    """The files of the parts of a block, and what the format states about them.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class RecognisedBlock:
 
 
 def recognised(given: Path) -> RecognisedBlock | None:
-    """The block of another program in a file or folder; None: the file is none that is recognised.
+    """The block of another program in a file or folder; None: it is not recognised.
 
     Raises
     ------

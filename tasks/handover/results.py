@@ -121,7 +121,7 @@ class Results:
 
     @property
     def needed_date(self) -> date:
-        """The date of the flight, for formats that cannot be without.
+        """The date of the flight, for formats that require it.
 
         Raises
         ------

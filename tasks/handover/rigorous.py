@@ -1,4 +1,4 @@
-"""Where oriented images really see the ground: through the Cartesian frame of the adjustment."""
+"""Rigorous projection of oriented images to the ground, in the Cartesian frame of the adjustment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HANDOVER.txt: what was written, for which programs, what their users must set, how far it is from ours."""
+"""HANDOVER.txt: what was written, for which programs, what their users must set, differences from ours."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ def _about_mean_residuals(delivery: Delivery, form: DeliveryFormat) -> list[str]
 
 
 def _about_model(model: LensModel) -> str:
-    """The camera as it is in the files."""
+    """The camera model in the files."""
     (fx, fy), (column, row) = model.focal, model.principal_point
     lens = ", ".join(f"{name} {value:.6g}" for name, value in model.distortion.items() if value)
     return (

@@ -19,7 +19,7 @@ _LEAST_TILE = 128
 
 
 def is_cloud_optimized(source: ImageReader) -> bool:
-    """Whether GDAL takes an open image for a cloud-optimized GeoTIFF, not changed since it was written."""
+    """Whether GDAL regards an open image as a cloud-optimized GeoTIFF unchanged since it was written."""
     dataset = source.dataset
     return bool(dataset.driver == "GTiff" and dataset.tags(ns="IMAGE_STRUCTURE").get("LAYOUT") == "COG")
 

@@ -152,7 +152,7 @@ def opened_image(path: Path, threads: int = 1) -> Iterator[ImageReader]:
 
 
 def described(path: Path) -> ImageDescription:
-    """What an image file says about itself; errors as of `opened_image`."""
+    """Metadata of an image file; raises the errors of `opened_image`."""
     with opened_image(path) as image:
         return image.description
 
@@ -208,5 +208,5 @@ def _validity(dataset: Any) -> Validity:
 
 
 def _reason(error: Exception) -> str:
-    """What GDAL says, which is in the cause of rasterio's own error."""
+    """GDAL's message, which is the cause of rasterio's own error."""
     return str(error.__cause__ or error).rstrip(".")

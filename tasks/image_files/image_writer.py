@@ -32,7 +32,7 @@ _STATISTICS = "STATISTICS_"
 
 @dataclass(frozen=True, eq=False)
 class ImageWriter:
-    """An image in writing.
+    """An image that is being written.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class ImageWriter:
 
 @contextmanager
 def image_like(source: ImageReader, path: Path, threads: int = 1) -> Iterator[ImageWriter]:
-    """A TIFF at a path, of the size and kind of an open image; after an error there is none.
+    """A TIFF of the size and kind of an open image; removed after an error.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def _is_by_bands(dataset: Any) -> bool:
 
 
 def left_out_of(source: ImageReader) -> tuple[str, ...]:
-    """What an open image says of its place on the ground by its pixels; other pixels lie elsewhere."""
+    """Georeferencing of an open image by its pixels, which does not apply to other pixels."""
     points, _ = source.dataset.gcps
     found = (("ground control points", points), ("rational polynomials", source.dataset.rpcs))
     return tuple(name for name, there in found if there)
@@ -159,7 +159,7 @@ def _blocks(about: ImageDescription, dataset: Any) -> dict[str, Any]:
 
 
 def _compression(dataset: Any, said: dict[str, str]) -> dict[str, Any]:
-    """The same compression, where that is of TIFF and changes no pixel, or is JPEG."""
+    """The same compression, if TIFF has it and it is lossless or JPEG."""
     name = "" if dataset.compression is None else dataset.compression.value.lower()
     if dataset.driver == "GTiff":
         if not name:
@@ -218,7 +218,7 @@ def _add_mask(dataset: Any, written: ImageWriter) -> None:
 
 
 def _require_whole(part: Path, path: Path) -> None:
-    """Refuse a file whose end is missing: of a full disk, GDAL tells nothing when it closes a file."""
+    """Refuse a file whose end is missing: GDAL does not report a full disk when it closes a file."""
     try:
         with opened_image(part) as written:
             rows = written.description.rows

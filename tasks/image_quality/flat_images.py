@@ -26,7 +26,7 @@ _SMALLEST = 256
 
 @dataclass(frozen=True, eq=False)
 class FlatImages:
-    """What flat or dark images of the same light show, averaged.
+    """The average of flat or dark images of the same light.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class FlatImages:
 
 
 def flat_images(paths: Sequence[Path], limit: float | None, *, relative: bool) -> FlatImages:
-    """Average images and look for pixels that deviate from their neighbours.
+    """Average images and find pixels that deviate from their neighbours.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ _FEWEST, _APART = 16, 8
 
 @dataclass(eq=False)
 class GreyValues:
-    """What has been seen of the grey values of a band.
+    """Statistics of the grey values of a band so far.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class GreyValues:
     _seen: Bools = field(default_factory=lambda: np.zeros(_SIXTEEN_BITS, dtype=bool))
 
     def take(self, pixels: Pixels, known: Bools) -> None:
-        """Look at some rows (rows, columns), and at which pixels of them take part."""
+        """Add some rows (rows, columns), with a mask of the pixels that take part."""
         rows, known = pixels[::_EVERY], known[::_EVERY]
         self.pixels += rows.size
         self.known += int(np.count_nonzero(known))
@@ -56,12 +56,12 @@ class GreyValues:
 
     @property
     def overexposed(self) -> float | None:
-        """Part of the pixels at the largest value, if that is too large; else None."""
+        """Share of the pixels at the largest value, if it is too large; otherwise None."""
         part = self.clipped / max(self.pixels, 1)
         return part if part > OVEREXPOSED else None
 
     def sentences(self, band: int) -> Iterator[str]:
-        """What is to be said about a band of which something can be examined."""
+        """Remarks on a band that can be examined at least in part."""
         name = f"{self.about.path.name}, band {band}"
         if self.overexposed is not None:
             yield (
@@ -97,7 +97,7 @@ class GreyValues:
             )
 
     def require_something(self, band: int) -> None:
-        """Refuse a band of which no pixel can be examined.
+        """Refuse a band without a usable pixel.
 
         Raises
         ------

@@ -59,7 +59,7 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
 
 
 def _given(settings: ImageQualitySettings) -> GivenEdges | None:
-    """The edges that the settings name, if they do."""
+    """The edges that the settings name, if any."""
     if not (settings.points_px or settings.edges_px):
         return None
     points = np.array(settings.points_px, dtype=np.float64).reshape(-1, 2)
@@ -89,7 +89,7 @@ def _require_alike(images: Sequence[ImageDescription]) -> None:
 
 
 def _of_values(scenes: Sequence[SceneQuality]) -> Iterator[str]:
-    """What is remarkable about the grey values."""
+    """Remarks on the grey values."""
     for scene in scenes:
         for band in scene.bands:
             yield from band.values.sentences(band.band)

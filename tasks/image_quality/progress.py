@@ -25,7 +25,7 @@ class Progress:
     _told: int = field(default=0, init=False)
 
     def tell(self, done: float) -> None:
-        """Say that this fraction of the part is done, if it is a tenth more than was said last."""
+        """Report that this fraction of the part is done, if it is a tenth more than reported last."""
         tenths = int(_TENTHS * done + 1e-9)
         if tenths > self._told:
             self._told = tenths

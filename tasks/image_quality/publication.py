@@ -32,7 +32,7 @@ def publish_image_quality(
 
 
 def _gates(settings: ImageQualitySettings, figures: Mapping[str, JSON]) -> Iterator[GateResult]:
-    """The limits of the sensor's sheets together, and those that the settings want tested."""
+    """The limits of the sensor's sheets together, and those requested by the settings."""
     found: Mapping[str, Any] = figures
     if "sensor" in found:
         yield _count("missed_limits_of_sensor", len(found["sensor"]["missed"]))

@@ -1,4 +1,4 @@
-"""The record of a radiometric examination: what its certificate stands on, and what a registry keeps."""
+"""The record of a radiometric examination: the basis of its certificate, and what a registry keeps."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RadiometricQuantity(BaseModel):
 
 
 class RadiometricRecord(BaseModel):
-    """The record; what else is in it (digests of tables, settings, software) is kept as it is.
+    """The record; its other content (digests of tables, settings, software) is kept unchanged.
 
     Attributes
     ----------
@@ -53,14 +53,14 @@ class RadiometricRecord(BaseModel):
 
     @property
     def camera_key(self) -> str:
-        """What versions are counted by: body, lens and product, or the name if neither number is known."""
+        """Key for counting versions: body, lens and product, or the name if neither number is known."""
         numbers: dict[str, JSON] = {"body": self.body, "lens": self.lens}
         known = numbers if any(numbers.values()) else {"name": self.camera}
         return json_text({**known, "product": self.product})
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What people call the camera: its name, body and lens."""
+        """Names of the camera: its name, body and lens."""
         return tuple(name for name in (self.camera, self.body, self.lens) if name)
 
     @property
@@ -71,5 +71,5 @@ class RadiometricRecord(BaseModel):
 
 
 def digest_of(content: str) -> str:
-    """Verification code of a record in its one spelling."""
+    """Verification code of a record in its canonical spelling."""
     return hashlib.sha256(content.encode()).hexdigest()

@@ -138,7 +138,7 @@ def _indices(about: ImageDescription, chosen: Sequence[int]) -> Sequence[int]:
 
 @dataclass(frozen=True, eq=False)
 class _Band:
-    """What has been found in a band so far."""
+    """Results of a band so far."""
 
     index: int
     search: EdgeSearch

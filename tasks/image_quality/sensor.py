@@ -55,7 +55,7 @@ class _Tables:
         unit: str = "",
         passed: bool | None = None,
     ) -> None:
-        """Add a sheet; it passes if the residual does not exceed the threshold, unless that is said."""
+        """Add a sheet; unless stated, it passes if the residual does not exceed the threshold."""
         self.sheets.append(
             {
                 "band": band,

@@ -81,7 +81,7 @@ def _row(band: int, quantity: str, then: float, now: float, sigma: float) -> _Ro
 
 
 def _noise(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
-    """Weighted mean noise at the levels of now that lie between those of then."""
+    """Weighted mean noise at those present levels that lie between the earlier ones."""
     for band, own in now.groupby("band"):
         before = then[then["band"] == band].sort_values("level")
         if before.empty:

@@ -46,7 +46,7 @@ class _Delivered:
 
 
 def camera_sections(files: Sequence[FoundFile], folder: Path) -> tuple[CameraSection, ...]:
-    """A table for each camera that the exposures name, or that a camera file has if they name none."""
+    """A table for each camera that the exposures name, or, if they name none, for each in a camera file."""
     delivered = list(_delivered(files))
     names = list(dict.fromkeys(name for file in files for name in _named(file)))
     if not names:

@@ -1,4 +1,4 @@
-"""Look at a folder of deliveries and write the project file that begins with it."""
+"""Examine a folder of deliveries and draft its project file."""
 
 from __future__ import annotations
 

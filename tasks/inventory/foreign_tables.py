@@ -53,7 +53,7 @@ class ProposedTable:
 
 
 def layout_keys(layout: TableLayout) -> Mapping[str, object]:
-    """Keys of the project file that declare a layout, as far as it is not that of our own tables."""
+    """Keys of the project file that declare a layout where it differs from that of our own tables."""
     usual = TableLayout()
     names = ("separator", "decimal", "quote", "skip_lines", "encoding", "columns")
     return {name: getattr(layout, name) for name in names if getattr(layout, name) != getattr(usual, name)}
@@ -84,7 +84,7 @@ def proposed_layouts(beginning: bytes) -> Iterator[ProposedTable]:
 
 
 def _by_count(line: str) -> list[Separator]:
-    """Separators that divide a line, the most frequent first; blanks last, they stand next to all others."""
+    """Separators that divide a line, the most frequent first; blanks last, as they occur next to others."""
     counts = {name: line.count(mark) for name, mark in MARKS.items()}
     counts["blank"] = max(counts["blank"], counts["tab"])
     found: list[Separator] = [name for name, count in counts.items() if count]

@@ -1,4 +1,4 @@
-"""What files are that no reader reads: parts of a delivery, results that are recomputed, and notes.
+"""Files that no reader reads: parts of a delivery, results that are recomputed, and notes.
 
 A file with the mark of a format that is read, which its reader refuses, has the reader's reason.
 """
@@ -72,7 +72,7 @@ def crs_of_file(beginning: bytes) -> str | None:
 
 
 def known_as(path: Path, beginning: bytes) -> str | None:
-    """What a file is that no reader reads; None if that is not known."""
+    """The kind of a file that no reader reads; None if unknown."""
     for mark, reader in _MARKS:
         if mark.match(beginning):
             return _reason(path, reader)
@@ -176,7 +176,7 @@ def _buffer(path: Path) -> str | None:
 
 
 def _table(beginning: bytes) -> str | None:
-    """A table none of whose headings is read, with them."""
+    """A table with unknown headings only, which are listed."""
     line = beginning.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace").strip()
     if len(line) > _LONGEST_LINE or not _TITLES.fullmatch(line):
         return None

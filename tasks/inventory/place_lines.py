@@ -1,4 +1,4 @@
-"""Lines of the project file that say where positions are and whose they are: of exposures, control, paths."""
+"""Lines of the project file on CRS and camera of positions: of exposures, control, trajectories."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def place_lines(
 
 
 def camera_lines(camera: pa.Array, cameras: Sequence[CameraSection]) -> Iterator[str]:
-    """The camera of a file whose rows (n,) name none: the only one there is, else it is asked."""
+    """The camera of a file whose rows (n,) name none: the only one there is, otherwise to be declared."""
     if camera.null_count == len(camera):
         value = cameras[0].name if len(cameras) == 1 else open_value("name of the camera of this file")
         yield key_line("camera", value)

@@ -99,7 +99,7 @@ def _inputs(
 
 
 def _one_of_each(sections: Iterable[_Section]) -> list[_Section]:
-    """Sections of exposures, as comments where they have images of one before."""
+    """Sections of exposures, commented out if they repeat images of an earlier one."""
     images: frozenset[str] = frozenset()
     result = []
     for lines, own in sections:
@@ -190,7 +190,7 @@ def _angles(content: Content, records: ExposureRecords) -> Iterator[str]:
 
 
 def _adjustment(inputs: Sequence[tuple[FoundFile, Content]]) -> Iterator[str]:
-    """What the results of another adjustment are not: observations of the next one, and free of its model."""
+    """A comment on results of another adjustment: they are not observations, and depend on its model."""
     exposures = [content for _, content in inputs if content.kind == "exposures"]
     cameras = [content for _, content in inputs if content.kind == "camera"]
     adjusted = bool(exposures) and all(content.format in ADJUSTED for content in exposures)
@@ -212,7 +212,7 @@ def _adjustment(inputs: Sequence[tuple[FoundFile, Content]]) -> Iterator[str]:
 
 
 def _crs_beside(file: FoundFile, files: Sequence[FoundFile]) -> str | None:
-    """The CRS of a file that has the name of another one but for its extension."""
+    """The CRS from a file with the same name and another extension."""
     stem = file.path.with_suffix("")
     return next((one.crs for one in files if one.crs and one.path.with_suffix("") == stem), None)
 
@@ -223,7 +223,7 @@ def _states(content: Content) -> FileStatement:
 
 
 def _images(content: Content) -> frozenset[str]:
-    """Whose exposures a file has."""
+    """The camera of the exposures in a file."""
     if not isinstance(content.records, ExposureRecords):
         return frozenset()
     return frozenset(str(name) for name in cast(pa.Array, content.records.image).to_pylist())

@@ -1,4 +1,4 @@
-"""What a delivered file is, found by having every reader of the register try it.
+"""The kind of a delivered file, found by trying every reader of the register.
 
 A file is what its reader reads. Some formats have nothing but the order of their fields: they are believed
 only where no reader of a more telling format accepts the file. Names and extensions of files say nothing.
@@ -114,7 +114,7 @@ class FoundFile:
 
 
 def recognised(path: Path) -> FoundFile:
-    """Say what a file is."""
+    """The kind of a file."""
     try:
         with opened(path, "table") as stream:
             beginning = stream.read(_BEGINNING)
@@ -212,7 +212,7 @@ def _read(path: Path, kind: Kind, name: str, order: AngleOrder | None, layout: T
 
 
 def _events(path: Path, name: str, layout: TableLayout) -> EventRecords | None:
-    """Events with seconds or dates; a table with coordinates is another one, which its reader has refused."""
+    """Events with seconds or dates; a table with coordinates is another kind that its reader refused."""
     for count in _COUNTS:
         try:
             events = read_events(name, path, count, layout)
@@ -230,7 +230,7 @@ def rows_of(records: Records) -> int:
 
 
 def _most_telling(found: list[Content]) -> list[Content]:
-    """Without formats that have no mark where another reads the file; one format of each kind."""
+    """The best format of each kind; those without a marker are dropped if another one reads the file."""
     telling = [content for content in found if _rank(content) < 0]
     if not telling and found:
         best = min(map(_rank, found))
@@ -242,7 +242,7 @@ def _most_telling(found: list[Content]) -> list[Content]:
 
 
 def _rank(content: Content) -> int:
-    """Below zero: the format has marks of its own; the larger, the less it says."""
+    """Rank of a reading: below zero if the format has markers; the larger, the less informative."""
     if content.kind == "camera" or content.format not in WITHOUT_MARK:
         return -1
     if content.kind == "exposures" and content.format in _LISTS:

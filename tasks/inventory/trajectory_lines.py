@@ -1,4 +1,4 @@
-"""Inputs of a project file that take exposures from a trajectory: which events and accuracies belong to it.
+"""Inputs that take exposures from a trajectory: which events and accuracies belong to it.
 
 Events belong to a trajectory if some of them lie within its times. On which clocks the two are the files
 mostly do not say, so times are compared within a day, or a week where both count more than the seconds of a

@@ -1,4 +1,4 @@
-"""Addresses on object storage, ``s3://BUCKET/PREFIX``, and which of two kinds of places a text means.
+"""Addresses on object storage, ``s3://BUCKET/PREFIX``, and whether a text denotes a folder or an address.
 
 An address holds nothing secret: endpoint, region and credentials come from the environment only
 (`tasks.object_storage.connection`), so that addresses may be in logs, reports and states.
@@ -31,7 +31,7 @@ _LONGEST_PATH, _LONGEST_PART = 3_000, 255
 
 @dataclass(frozen=True)
 class ObjectAddress:
-    """Where the objects of a workspace lie.
+    """The location of the objects of a workspace.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class ObjectAddress:
 
 
 def address_of(text: str) -> ObjectAddress:
-    """The address that a text names.
+    """The address that a text denotes.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def output_place(text: str) -> Path | ObjectAddress:
 
 
 def output_folder(text: str) -> Path:
-    """The folder that a text names.
+    """The folder that a text denotes.
 
     Raises
     ------

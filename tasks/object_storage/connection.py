@@ -42,7 +42,7 @@ _REGION = "us-east-1"
 
 @dataclass(frozen=True)
 class Connection:
-    """How the object storage is reached.
+    """The connection to the object storage.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Connection:
 
     @cache  # noqa: B019 - there is one connection in a process, and it lives as long
     def filesystem(self) -> S3FileSystem:
-        """The open connection, one for a process; opening it asks the storage nothing."""
+        """The open connection, one for a process; opening it sends no request."""
         # Loads the client of S3, which only runs with such an address need.
         from pyarrow.fs import AwsStandardS3RetryStrategy, S3FileSystem
 
@@ -183,7 +183,7 @@ class Failure:
 
 
 def failure_of(error: Exception, address: ObjectAddress) -> Failure:
-    """Tell what the client's error means."""
+    """The reason for an error of the client."""
     message = str(error)
     named = _NAME.search(message)
     if named is None:
@@ -247,7 +247,7 @@ def patiently(
     pause: Callable[[float], None] = time.sleep,
     now: Callable[[], float] = time.monotonic,
 ) -> R:
-    """Carry out a request, again and again while the storage does not answer.
+    """Carry out a request, repeated while the storage does not answer.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def patiently(
 
 
 def _is_of_storage(error: Exception) -> bool:
-    """Whether the storage failed: what is of a file here (a full disk), or "no such object", has a number."""
+    """Whether the storage failed: errors of local files (a full disk) and "no such object" have a number."""
     return isinstance(error, OSError) and error.errno is None
 
 
@@ -309,7 +309,7 @@ WORKSPACES_VARIABLE = "AEROCAL_WORKSPACES"
 
 
 def local_folder(address: ObjectAddress, environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder of this user that stands for an address."""
+    """The local folder of this user for an address."""
     named = environment.get(WORKSPACES_VARIABLE)
     parent = Path(named).absolute() if named else Path(platformdirs.user_cache_dir("aerocal")) / "workspaces"
     digest = hashlib.sha256(f"{endpoint_from(environment)} {address}".encode()).hexdigest()[:12]

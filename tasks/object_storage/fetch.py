@@ -1,4 +1,4 @@
-"""Bring the results of a workspace on object storage into a folder, as an ordinary run leaves them there."""
+"""Download the results of a workspace on object storage into a folder, as left by an ordinary run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tasks.store.run_lock import run_lock
 
 @dataclass(frozen=True)
 class FetchedResults:
-    """What was brought.
+    """What was downloaded.
 
     Attributes
     ----------
@@ -38,12 +38,12 @@ class FetchedResults:
 
     @property
     def is_older(self) -> bool:
-        """Whether the last run ended without results, so that these are of a run before it."""
+        """Whether the last run ended without results, so that these are from an earlier run."""
         return self.last_run is not None and self.last_run.status in ("input_error", "not_computable")
 
 
 def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
-    """Download what the manifest at an address names, and what has changed only.
+    """Download the files that the manifest at an address lists and that have changed.
 
     The files are those of one run, each is checked against its digest and appears whole; manifest.json is
     replaced last. Files of results that were there before and are none any more are removed.
@@ -77,7 +77,7 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
 
 
 def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path) -> bool:
-    """Make sure that a file is there; whether it had to be brought."""
+    """Make sure that a file is present; returns whether it had to be downloaded."""
     target = directory / entry.file
     if target.is_file() and digest_of_file(target) == entry.sha256:
         return False

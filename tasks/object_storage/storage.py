@@ -30,7 +30,7 @@ _log = logging.getLogger("aerocal")
 
 @dataclass(frozen=True)
 class StoredObject:
-    """An object as a listing shows it.
+    """An object in a listing.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class ObjectStorage:
             return {}
 
     def read(self, name: str, most_bytes: int) -> bytes | None:
-        """The content of a small object; None if there is none, or it is larger than that."""
+        """The content of a small object; None if there is none, or it is too large."""
 
         def request(files: S3FileSystem) -> bytes:
             with files.open_input_stream(self.address.path_of(name)) as stream:
@@ -111,11 +111,11 @@ class ObjectStorage:
         return None
 
     def put(self, name: str, content: bytes) -> None:
-        """Put an object there, in the place of the one there may be."""
+        """Store an object, replacing an existing one."""
         self._tried(lambda files: self._put(files, name, content))
 
     def upload(self, path: Path, name: str) -> None:
-        """Put the content of a file there; of large files the parts appear together, as one object."""
+        """Upload a file; a large one is sent in parts that appear together, as one object."""
 
         def request(files: S3FileSystem) -> None:
             import pyarrow as pa

@@ -1,4 +1,4 @@
-"""A workspace on object storage: what lies where below its prefix, and in which order it is put there.
+"""A workspace on object storage: its layout below the prefix, and the order of uploads.
 
 pyarrow puts and reads single objects; which of them belong together is said here.
 
@@ -36,7 +36,7 @@ STAGE_FILE = "stage.json"
 
 
 def _plain(name: str) -> str:
-    """A name that leads nowhere but into the folder it is put into."""
+    """A name that cannot lead outside its folder."""
     if name in ("", ".", "..") or PurePosixPath(name).name != name or "\\" in name or "\0" in name:
         raise ValueError("not a plain file name")
     return name
@@ -48,12 +48,12 @@ Digest: TypeAlias = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 def folder_of(stage: str, key: str) -> str:
-    """Where the output of a stage lies."""
+    """Folder of the output of a stage."""
     return f"{STORE}/{stage}/{key}"
 
 
 def object_of(stage: str, key: str, sha256: str, file: str) -> str:
-    """Name of the object of a file: with its digest, so that whoever puts it there puts the same bytes."""
+    """Name of the object of a file, which contains its digest, so that every upload has the same bytes."""
     return f"{folder_of(stage, key)}/{sha256}/{file}"
 
 
@@ -82,7 +82,7 @@ class StageListing(BaseModel):
         return object_of(self.stage, self.key, file.sha256, file.file)
 
     def to_be_put(self, there: Mapping[str, StoredObject]) -> tuple[ListedFile, ...]:
-        """The files whose objects are missing, or not as they were put there.
+        """The files whose objects are missing or have changed.
 
         stage.json is put last, so an object of another size or a later time was changed by somebody.
 
@@ -98,7 +98,7 @@ class StageListing(BaseModel):
 
 
 def stage_listing_from(content: bytes, key: StageKey) -> StageListing | None:
-    """Read the list of files of a stage output; None if it is none, or that of another one."""
+    """Read the list of files of a stage output; None if it is invalid or belongs to another one."""
     try:
         listing = StageListing.model_validate(from_json(content))
     except ValueError:
@@ -111,7 +111,7 @@ def _intact(file: ListedFile, found: StoredObject | None, completed: StoredObjec
 
 
 class PublishedEntry(ManifestEntry):
-    """A file of the results, and below the prefix the object it is."""
+    """A file of the results, and its object below the prefix."""
 
     file: PlainName
     sha256: Digest
@@ -170,7 +170,7 @@ class ObjectWorkspace:
         return cls(ObjectStorage(address))
 
     def require_access(self) -> None:
-        """Ask whether the storage answers and lets us in."""
+        """Check that the storage answers and grants access."""
         self.storage.require_access()
 
     def take(self, key: StageKey, folder: Path) -> float | None:
@@ -187,12 +187,12 @@ class ObjectWorkspace:
         return listing.seconds
 
     def put(self, key: StageKey, folder: Path) -> None:  # noqa: ARG002
-        """Put a stage output there, its list of files last."""
+        """Upload a stage output, its list of files last."""
         listing = _listing(folder)
         self._put_files(listing, listing.files, folder)
 
     def put_missing(self, key: StageKey, folder: Path) -> None:
-        """Put a stage output there as far as a look at the names, sizes and times there calls for it."""
+        """Upload the parts of a stage output that are missing or changed by name, size or time."""
         listing = _listing(folder)
         missing = listing.to_be_put(self.storage.listing(folder_of(key.stage, key.digest)))
         if missing:

@@ -11,7 +11,7 @@ from tasks.remarks.separability import listed
 
 
 def addition_words(addition: Addition) -> str:
-    """What is to be flown and surveyed in addition."""
+    """What to fly and survey in addition."""
     parts = [_lines(group) for group in addition.groups]
     if addition.control:
         parts.append(f"{addition.control} more control points")

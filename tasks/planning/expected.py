@@ -1,4 +1,4 @@
-"""Covariances before the flight as the tables an adjustment writes: parameters and correlations."""
+"""Covariances before the flight in the tables of an adjustment: parameters and correlations."""
 
 from __future__ import annotations
 

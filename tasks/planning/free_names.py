@@ -1,4 +1,4 @@
-"""The parameters of a plan as they are named on the command line."""
+"""The parameters of a plan as named on the command line."""
 
 from __future__ import annotations
 

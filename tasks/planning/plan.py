@@ -59,12 +59,12 @@ class Expectation:
 
     @property
     def quantities(self) -> tuple[ParameterVerdict, ...]:
-        """The quantities of the calibration; biases and drifts of strips are none."""
+        """The quantities of the calibration; biases and drifts of strips are not among them."""
         return tuple(item for item in self.verdicts.values() if is_calibrated(item.parameter))
 
     @property
     def worst(self) -> ParameterVerdict:
-        """The quantity whose σ is the largest part of its limit."""
+        """The quantity whose σ is the largest fraction of its limit."""
         return max(self.quantities, key=_part_of_limit)
 
     @property
@@ -83,7 +83,7 @@ class Proposal:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationPlan:
-    """The answer of a plan.
+    """The result of a plan.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class CalibrationPlan:
 
     @property
     def cheapest(self) -> Proposal | None:
-        """The cheapest addition with which the flight is accepted; None if none of them does it."""
+        """The cheapest addition with which the flight is accepted; None if there is none."""
         accepted = [proposal for proposal in self.proposals if proposal.expectation.accepted]
         return min(accepted, key=lambda item: item.addition.cost, default=None)
 

@@ -12,7 +12,7 @@ from tasks.quantities import is_calibrated
 
 
 def plan_json(plan: CalibrationPlan) -> JSON:
-    """Everything a plan found."""
+    """Everything a plan has found."""
     here, cheapest = plan.expectation, plan.cheapest
     return {
         "name": plan.name,

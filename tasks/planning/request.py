@@ -1,4 +1,4 @@
-"""What a plan asks: which parameters are to be calibrated, with which prior knowledge and limits."""
+"""The request of a plan: which parameters to calibrate, with which prior knowledge and limits."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class PlanRequest:
         additional: str | None = None,
         strip_bias_m: float | None = None,
     ) -> PlanRequest:
-        """What `aerocal calibrate` would estimate with these settings, unless something else is required."""
+        """What `aerocal calibrate` would estimate with these settings, unless told otherwise."""
         chosen, own = free or calibration.free, adjustment.self_calibration
         if strip_bias_m is None:
             stated = max(adjustment.priors.gnss_strip_bias_m)

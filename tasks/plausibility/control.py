@@ -1,4 +1,4 @@
-"""Whether the control points fit the given orientations, and which slip would explain it if not."""
+"""Whether the control points fit the given orientations, and if not, which slip would explain it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All mistakes that show where rays of surveyed points intersect: units of length, heights, zones, names."""
+"""All mistakes that the intersections of surveyed points reveal: units of length, heights, zones, names."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Survey:
 
 @dataclass(frozen=True)
 class _Trial:
-    """One reading: what it would be, and how far points then are from their intersections."""
+    """One reading: its meaning, and how far points then are from their intersections."""
 
     what: str
     remedy: str

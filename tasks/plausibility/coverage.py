@@ -1,4 +1,4 @@
-"""Images and points that are not used, or hang on the others by nothing: by what the tables say."""
+"""Images and points that are not used or not connected to the others, according to the tables."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _named(names: pd.Series | pd.Index) -> str:
 
 
 def other_pixel_origins(formats: Mapping[str, str], origins: Mapping[str, str]) -> Iterator[Mistake]:
-    """Cameras whose first pixel is declared otherwise than the files count.
+    """Cameras whose declared pixel origin differs from that of the files.
 
     Parameters
     ----------

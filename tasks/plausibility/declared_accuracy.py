@@ -37,7 +37,7 @@ class TieLimits:
 
 @dataclass(frozen=True)
 class ExpectedIntersections:
-    """How far intersections with the given orientations may lie from where the points are.
+    """How far intersections with the given orientations may lie from the surveyed points.
 
     Attributes
     ----------

@@ -129,7 +129,7 @@ def _explaining(
     now: float,
     limits: TieLimits,
 ) -> list[tuple[Mistake, Hypothesis]]:
-    """The hypothesis, or the two of them, that explain the misses; none if nothing does."""
+    """The hypothesis, or the pair of them, that explains the misses; empty if nothing does."""
     trials = sorted(((misses.of(h.corrected(sample)), k) for k, h in enumerate(hypotheses)))
     best = trials[0][0]
     if best <= limits.suspicious_px and best * _MARGIN < now:
@@ -180,7 +180,7 @@ def _px(value: float) -> str:
 
 
 def _smaller(sample: Delivered) -> Delivered:
-    """Fewer points, those with most rays."""
+    """A sample of the points with the most rays."""
     count = np.bincount(sample.rays.point, minlength=_points(sample))
     chosen = np.zeros(len(count), dtype=bool)
     chosen[np.argsort(-count, kind="stable")[:_POINTS]] = True

@@ -1,4 +1,4 @@
-"""Given distances against the object points as far as these are known."""
+"""Given distances compared with the object points, where these are known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hypotheses about a delivery: what it would be if a usual mistake had been made, one on top of the other."""
+"""Hypotheses about a delivery: what it would be if common mistakes had been made, singly or combined."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _THESE = ("exposures.angles.unit", "exposures.angles.order")
 
 @dataclass(frozen=True, eq=False)
 class Delivered:
-    """Orientations and image points as they would have to be read.
+    """Orientations and image points as a hypothesis reads them.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Whether a given lever arm has its signs the right way round, judged by the one that was found.
+"""Whether the signs of a given lever arm are right, judged by the estimated one.
 
 Each of its components may have been given with the opposite sign: the vector from the antenna to the camera
 in place of the one from the camera to the antenna, or right for left, up for down. A mistake is named if it

@@ -1,4 +1,4 @@
-"""The misalignment of camera and INS, roughly, from the tie points: where a first calibration begins.
+"""The rough misalignment of camera and INS from the tie points, with which a first calibration starts.
 
 A camera is mounted some tenths of a degree, up to two degrees, off the axes of the INS, which nobody knows
 before the first calibration. Rays of tie points then miss each other by hundreds of pixels wherever images of
@@ -44,7 +44,7 @@ class Misalignment:
 
     @property
     def sentence(self) -> str:
-        """What was found, for people."""
+        """The result as a sentence."""
         found = "; ".join(
             f"camera {name} roll {roll:+.2f}°, pitch {pitch:+.2f}°, yaw {yaw:+.2f}°"
             for name, (roll, pitch, yaw) in zip(

@@ -1,4 +1,4 @@
-"""A mistake of a delivery: what it looks like, what speaks for it, and how it is corrected."""
+"""A mistake in a delivery: its description, the evidence, and its correction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Positions that are of another point than declared: the antenna, or where the camera was a moment before.
+"""Positions of another point than declared: the antenna, or the camera a moment earlier.
 
 Rays of forward and reverse strips then miss each other by twice the distance on the ground.
 """
@@ -39,7 +39,7 @@ class DeclaredPositions:
 def moved_positions(
     delivered: Delivered, misses: TieMisses, declared: DeclaredPositions, suspicious_px: float
 ) -> list[Mistake]:
-    """The mistake that explains what is left of the misses, if one does."""
+    """The mistake that explains the remaining misses, if there is one."""
     now = misses.of(delivered)
     if now <= suspicious_px:
         return []

@@ -1,4 +1,4 @@
-"""Whether the given orientations fit the tie points, and which slip would explain it if not.
+"""Whether the given orientations fit the tie points, and if not, which slip would explain it.
 
 The rays of tie points are intersected with the orientations as given. With a correct input they
 miss each other by little more than the accuracy of the GNSS/INS; a wrong unit, angle order, matrix

@@ -23,7 +23,7 @@ from tasks.production.stage_states import stages_so_far
 
 @dataclass(frozen=True)
 class Revision:
-    """Up to which change of which board somebody has its rows.
+    """The board, and its latest change, up to which a reader has its rows.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class _Kept:
 
 
 class Board:
-    """Every project's latest run; may be asked by several threads.
+    """Every project's latest run; safe for several threads.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Board:
         self._lock = threading.Lock()
 
     def rows(self) -> tuple[ProjectRow, ...]:
-        """The rows as they were read last, the latest change first."""
+        """The rows as last read, the latest change first."""
         with self._lock:
             kept = list(self._kept.values())
         return tuple(sorted((one.row for one in kept), key=lambda row: row.changed, reverse=True))
@@ -116,7 +116,7 @@ class Board:
             )
 
     def _read(self) -> None:
-        """Take in what has changed in the records and in the output folders of runs in work."""
+        """Read what has changed in the records and in the output folders of active runs."""
         found = {one.id: one for one in self.records.latest()}
         known = {one.record.id: one for one in self._kept.values()}
         news = [id for id, latest in found.items() if id not in known or known[id].latest != latest]

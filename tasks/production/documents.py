@@ -1,4 +1,4 @@
-"""The pages of a run, shown only exactly as the run has written them.
+"""The pages of a run, shown only exactly as the run wrote them.
 
 A document is named by the run and by a name of the manifest of its output folder; nothing else is a path.
 Its bytes are held against the digest in the manifest before anybody sees them.
@@ -44,7 +44,7 @@ class NoDocumentError(AerocalError):
 
 
 class ChangedDocumentError(NoDocumentError):
-    """The document has other bytes than the run has written."""
+    """The document has changed since the run wrote it."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,13 @@ class Document:
 
 
 def documents_of(run: RunRecord, folders: Sequence[Path]) -> tuple[str, ...]:
-    """Names of the documents that the output folder of a run has, by the manifest."""
+    """Names of the documents in the output folder of a run, according to the manifest."""
     manifest = _manifest(run, folders)
     return () if manifest is None else _names(manifest)
 
 
 def read_document(records: Records, run_id: str, name: str, folders: Sequence[Path]) -> Document:
-    """A document of a run, its bytes checked.
+    """A document of a run, after its bytes were checked.
 
     Parameters
     ----------

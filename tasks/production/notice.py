@@ -41,7 +41,7 @@ _MOST_PROBLEMS = 20
 
 @dataclass(frozen=True)
 class Links:
-    """Where readers find more: addresses of dashboard and production page; None: nowhere."""
+    """Where readers find more: addresses of dashboard and production page; None if unknown."""
 
     dashboard: str | None = None
     overview: str | None = None
@@ -79,7 +79,7 @@ class Notice:
 
     @property
     def subject(self) -> str:
-        """One line, whatever the project is called."""
+        """The subject in one line, whatever the name of the project."""
         return _line(f"{self.state}: {self.project} ({self.story})")[:_LONGEST_SUBJECT]
 
     def text(self, links: Links) -> str:
@@ -126,14 +126,14 @@ def report_address(overview: str, run: str, story: str) -> str:
 
 
 def notice_from(text: str) -> Notice:
-    """What `Notice.to_text` has written."""
+    """A notice from the text of `Notice.to_text`."""
     content = from_json(text)
     lists = {name: tuple(content[name]) for name in ("problems", "gates")}
     return Notice(**{**content, **lists})
 
 
 def notice_of_run(run: Mapping[str, object], summary: Mapping[str, JSON] | None, ended: str) -> Notice | None:
-    """The notice of a run that has ended; None if its state is nothing to tell about (cancelled).
+    """The notice of a run that has ended; None if its state needs no notice (cancelled).
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def notice_of_run(run: Mapping[str, object], summary: Mapping[str, JSON] | None,
 
 
 def wanted_kinds(text: str) -> frozenset[NoticeKind]:
-    """The kinds that a text names, separated by commas.
+    """The kinds in a text, separated by commas.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def wanted_kinds(text: str) -> frozenset[NoticeKind]:
 
 
 def _gate_lines(gates: Sequence[Mapping[str, JSON]]) -> list[str]:
-    """The limits that are not kept."""
+    """The limits that are not met."""
     lines = []
     for gate in gates:
         if gate.get("passed") is False:
@@ -200,5 +200,5 @@ def _texts(value: JSON) -> tuple[str, ...]:
 
 
 def _line(text: str) -> str:
-    """A text in one line: a header of an e-mail ends with it."""
+    """A text in one line, because a line break ends a header of an e-mail."""
     return visible(" ".join(text.split()), _LONGEST_LINE)

@@ -1,4 +1,4 @@
-"""Where notices go: addresses that are secrets, from the environment or a private file only.
+"""Where notices go: secret addresses, from the environment or a private file only.
 
 An address may hold a password or a token. None is ever shown, logged or stored: people read its number and
 its kind, the outbox holds a slow digest.
@@ -130,13 +130,13 @@ def _private_text(file: Path) -> str:
 
 
 def _key(url: str) -> str:
-    """Knows an address again without telling it: slow, so that guessing a password from it costs."""
+    """Key that identifies an address without revealing it: slow, to make guessing a password expensive."""
     return hashlib.scrypt(url.encode(), salt=b"aerocal notice address", n=2**14, r=8, p=1, dklen=12).hex()
 
 
 @contextmanager
 def _heard() -> Iterator[list[str]]:
-    """What the library says while the context lasts; nobody else hears it, for it may name an address."""
+    """Messages of the library while the context lasts; not passed on, because they may contain an address."""
     messages: list[str] = []
 
     class _Keep(logging.Handler):

@@ -52,13 +52,13 @@ class Outbox:
     records: Records
 
     def waiting(self) -> tuple[Notice, ...]:
-        """The notices that are not done with, the oldest first."""
+        """The notices that are not finished, the oldest first."""
         chosen = select(NOTICES.c.content).where(NOTICES.c.closed.is_(None))
         rows = self.records.rows(chosen.order_by(NOTICES.c.written, NOTICES.c.id).limit(_BATCH))
         return tuple(notice_from(row.content) for row in rows)
 
     def delivery(self, notice: Notice, address: NoticeAddress) -> Delivery | None:
-        """How far a notice has come to an address; None: it was never sent there."""
+        """State of a notice for an address; None: it was never sent there."""
         own = (NOTICE_DELIVERIES.c.notice == notice.id) & (NOTICE_DELIVERIES.c.address == address.key)
         for row in self.records.rows(select(NOTICE_DELIVERIES).where(own)):
             return Delivery(row.state, row.attempts, datetime.fromisoformat(row.due), row.said)
@@ -85,7 +85,7 @@ class Outbox:
         return Delivery(state, attempts, due, sent.said)
 
     def close(self, notices: Sequence[Notice]) -> None:
-        """Note that nothing more is to be done about notices."""
+        """Mark notices as finished."""
         now = datetime.now(UTC).isoformat()
         with self.records.writing() as connection:
             for notice in notices:
@@ -122,7 +122,7 @@ class Courier:
         self._rests: dict[str, datetime] = {}
 
     def deliver(self, is_over: Callable[[], bool] = lambda: False) -> int:
-        """Send what is due; how many notices are still waiting.
+        """Send what is due; returns how many notices are still waiting.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Courier:
         return len(waiting) - len(done)
 
     def _bring(self, notice: Notice, address: NoticeAddress) -> bool:
-        """Send a notice to an address if it is due; whether nothing more is to be done there."""
+        """Send a notice to an address if it is due; returns whether that address is finished."""
         before, now = self.outbox.delivery(notice, address), datetime.now(UTC)
         if before is not None and before.state != "waiting":
             return True

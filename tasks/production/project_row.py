@@ -76,23 +76,23 @@ class ProjectRow:
 
     @property
     def failed_gates(self) -> tuple[str, ...]:
-        """Names of the gates that are not passed."""
+        """Names of the failed gates."""
         return tuple(gate.name for gate in self.gates if not gate.passed)
 
     @property
     def changed(self) -> datetime:
-        """Since when its state is what it is."""
+        """Time of the last change of its state."""
         return self.ended or self.begun or self.scheduled
 
     @property
     def seconds(self) -> float | None:
-        """How long it took; None: it has not ended, or did not begin."""
+        """Duration, s; None: it has not ended, or did not begin."""
         if self.begun is None or self.ended is None:
             return None
         return max((self.ended - self.begun).total_seconds(), 0.0)
 
     def limit(self, gate: str) -> float | None:
-        """The largest value a gate lets pass; None: it was not tested."""
+        """The largest value that passes a gate; None: it was not tested."""
         return next((one.limit for one in self.gates if one.name == gate and one.bound == "max"), None)
 
 
@@ -141,7 +141,7 @@ def key_of(run: RunRecord) -> str:
 
 
 def gates_of(summary: Mapping[str, JSON]) -> tuple[GateResult, ...]:
-    """The tested limits in a summary; those that this aerocal does not understand are left out."""
+    """The tested limits in a summary; those unknown to this version are left out."""
     found = []
     listed = summary.get("gates")
     for gate in listed if isinstance(listed, Sequence) and not isinstance(listed, str) else ():
@@ -153,7 +153,7 @@ def gates_of(summary: Mapping[str, JSON]) -> tuple[GateResult, ...]:
 
 
 def problems_of(run: RunRecord) -> tuple[str, ...]:
-    """The problems and remarks of a run, the first one first; files of the project by their names."""
+    """The problems and remarks of a run in order; files of the project by their names."""
     return tuple(in_project(run, sentence) for sentence in _said(run))
 
 
@@ -225,7 +225,7 @@ def trend_of(rows: Sequence[ProjectRow], most: int = 300) -> tuple[TrendPoint, .
 
 
 def any_of(figures: Axes) -> bool:
-    """Whether there is a figure at all."""
+    """Whether there is any figure."""
     return any(figure is not None for figure in figures)
 
 

@@ -1,4 +1,4 @@
-"""Runs as rows of the database of production, and what a row says of an end."""
+"""Runs as rows of the production database, and the entries that record an end."""
 
 from __future__ import annotations
 

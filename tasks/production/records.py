@@ -1,4 +1,4 @@
-"""The database of production: which run of which project is where.
+"""The production database: every run of every project and its state.
 
 Prefect's own records may be tidied up, lost or started again; what was done with a delivery is
 remembered here.
@@ -51,7 +51,7 @@ _IS_SWEEP = RUNS.c.story == SWEEP
 
 @dataclass(frozen=True)
 class LatestRun:
-    """The latest run of a story on a project file, as far as it tells whether something has changed.
+    """The latest run of a story on a project file, reduced to what shows whether something has changed.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Records:
         return cls(found, engine_at(found))
 
     def schedule(self, run: RunRecord) -> None:
-        """Note a run that will begin; of one that is known already, only the delivery it is for."""
+        """Record a run that will begin; for a known one, only the delivery it is for."""
         with self.writing() as connection:
             known = _row_of(connection, run.id)
             if known is None:
@@ -102,7 +102,7 @@ class Records:
                 _update(connection, run.id, {"delivery": run.delivery})
 
     def begin(self, run: RunRecord) -> None:
-        """Note that a run begins in this process, for the first time or again."""
+        """Record that a run begins in this process, for the first time or again."""
         values = {**as_row(run), "state": "Running", "begun": time_text(datetime.now(UTC)), "ended": None}
         values |= {"host": socket.gethostname(), "process": os.getpid(), "attempts": 1, "again_at": None}
         with self.writing() as connection:
@@ -120,13 +120,13 @@ class Records:
             _update(connection, run.id, values)
 
     def reschedule(self, run_id: str, message: str) -> None:
-        """Note that a run which had started waits for another beginning that somebody has requested."""
+        """Record that a run which had started waits for a requested restart."""
         values = {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
         with self.writing() as connection:
             _update(connection, run_id, values)
 
     def begin_again(self, run: RunRecord, message: str) -> bool:
-        """Note that a run which is due is to be started again; False if it is not due any more.
+        """Record that a due run is to be restarted; False if it is no longer due.
 
         Of several that find the same run due, one gets True.
         """
@@ -137,7 +137,7 @@ class Records:
             return done.rowcount == 1
 
     def give_up(self, run_id: str) -> None:
-        """Note that a run which has ended is not started again by itself."""
+        """Record that an ended run is not restarted automatically."""
         with self.writing() as connection:
             known = _row_of(connection, run_id)
             if known is not None and known.again_at is not None:
@@ -155,7 +155,7 @@ class Records:
         failed_stage: str | None = None,
         summary: Mapping[str, JSON] | None = None,
     ) -> None:
-        """Note how a run has ended, as it knows itself, and what is to be told; nothing if it is decided.
+        """Record how a run ended, as reported by itself, and its notice; nothing if already decided.
 
         It holds even if the run was given up for lost before: it was only out of sight.
 
@@ -175,7 +175,7 @@ class Records:
                 _tell(connection, run_id, summary)
 
     def lose(self, run_id: str, state: State, message: str, *, may_pass: bool = True) -> None:
-        """Note how a run has ended that could not note it itself; nothing if it has ended or is not known.
+        """Record how a run ended that could not report it; nothing if it has ended or is unknown.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class Records:
         return self._read(chosen)
 
     def due(self, now: datetime) -> tuple[RunRecord, ...]:
-        """The runs that are to be started again by themselves, the longest due first.
+        """The runs to be restarted automatically, the longest due first.
 
         One that is due later than any pause is long was written by a clock that runs ahead: it is due.
         """
@@ -215,7 +215,7 @@ class Records:
         return self._read(select(RUNS).where(due).order_by(RUNS.c.again_at))
 
     def run(self, run_id: str) -> RunRecord | None:
-        """A run by its number; None if it is not known."""
+        """A run by its number; None if unknown."""
         return next(iter(self._read(select(RUNS).where(RUNS.c.id == run_id))), None)
 
     def of_delivery(self, key: str) -> RunRecord | None:
@@ -224,7 +224,7 @@ class Records:
         return next(iter(self._read(chosen)), None)
 
     def runs_with(self, ids: Sequence[str]) -> tuple[RunRecord, ...]:
-        """The runs with these numbers, as far as they are known."""
+        """The known runs among these numbers."""
         parts = (ids[first : first + _BATCH] for first in range(0, len(ids), _BATCH))
         return tuple(run for part in parts for run in self._read(select(RUNS).where(RUNS.c.id.in_(part))))
 
@@ -234,7 +234,7 @@ class Records:
         return self._read(chosen.order_by(RUNS.c.scheduled.desc(), RUNS.c.id).limit(most))
 
     def latest(self) -> tuple[LatestRun, ...]:
-        """The latest run of every story on every project file, without what makes reading long."""
+        """The latest run of every story on every project file, without the parts that are slow to read."""
         alike = (RUNS.c.project_file, RUNS.c.project, RUNS.c.story)
         newest_first = (RUNS.c.scheduled.desc(), RUNS.c.id)
         ranked = select(
@@ -277,7 +277,7 @@ class Records:
         return [row.id for row in found] == [run.id]
 
     def prepare(self) -> None:
-        """Make the tables where there are none."""
+        """Create missing tables."""
         with self.writing():
             pass
 
@@ -285,7 +285,7 @@ class Records:
         return tuple(as_record(row) for row in self.rows(statement))
 
     def rows(self, statement: Any) -> tuple[Row[Any], ...]:
-        """The rows that a statement finds in one state of the database; none where there is none yet."""
+        """The rows that a statement finds in one state of the database; empty if it does not exist yet."""
         file = self.address.file
         if file is not None and not file.is_file():
             return ()
@@ -297,7 +297,7 @@ class Records:
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:
-        """A transaction that may write; the tables are made where there are none."""
+        """A transaction that may write; missing tables are created."""
         file = self.address.file
         if file is not None:
             with writing_into(file.parent):
@@ -341,14 +341,14 @@ def project_name(project_file: Path) -> str:
 
 
 def write_notice(connection: Connection, notice: Notice) -> None:
-    """Put a notice into the outbox; nothing if it is known."""
+    """Put a notice into the outbox, unless it is there already."""
     if connection.execute(select(NOTICES.c.id).where(NOTICES.c.id == notice.id)).first() is None:
         values = {"id": notice.id, "written": time_text(datetime.now(UTC)), "content": notice.to_text()}
         connection.execute(insert(NOTICES).values(**values))
 
 
 def _row_of(connection: Connection, run_id: str) -> Row[Any] | None:
-    """The row of a run, kept from other writers until the end of the transaction."""
+    """The row of a run, locked against other writers until the end of the transaction."""
     return connection.execute(select(RUNS).where(RUNS.c.id == run_id).with_for_update()).first()
 
 
@@ -357,7 +357,7 @@ def _update(connection: Connection, run_id: str, values: Mapping[str, object]) -
 
 
 def _tell(connection: Connection, run_id: str, summary: Mapping[str, JSON] | None) -> None:
-    """Put into the outbox how a run has ended, unless it is started again by itself."""
+    """Put into the outbox how a run ended, unless it is restarted automatically."""
     run = connection.execute(select(RUNS).where(RUNS.c.id == run_id)).one()
     notice = None if run.again_at is not None else notice_of_run(dict(run._mapping), summary, run.ended)
     if notice is not None:

@@ -118,7 +118,7 @@ LONGEST_PAUSE_S = max(pause for pauses in PAUSES_S.values() for pause in pauses)
 
 
 def next_beginning(state: State, attempts: int, now: datetime) -> datetime | None:
-    """When a run is started again that has ended for a reason which may pass.
+    """When a run that ended for a temporary reason is restarted.
 
     Parameters
     ----------

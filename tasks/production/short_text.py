@@ -86,7 +86,7 @@ class ShortText:
 
 
 def inert(text: str) -> str:
-    """A text as Markdown that shows it in one line and does nothing else."""
+    """A text as inert Markdown in one line."""
     escaped = _SPECIAL.sub(r"\\\g<0>", _one_line(text)).translate(_HTML)
     # A digit cannot be escaped; the point behind it can.
     return _FIRST.sub(lambda found: f"{found[0]}\\" if found[0].isdigit() else f"\\{found[0]}", escaped)
@@ -102,5 +102,5 @@ def code(text: str) -> str:
 
 
 def _one_line(text: str) -> str:
-    """A text without line ends, and with nothing in it that nobody sees."""
+    """A text without line breaks and invisible characters."""
     return visible(" ".join(text.split()))

@@ -1,4 +1,4 @@
-"""The stages of a run as the overview shows them: what is done, reused, failed, in work or still to come."""
+"""The stages of a run on the production page: done, reused, failed, running or still to come."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ StageState: TypeAlias = Literal["done", "reused", "failed", "running", "waiting"
 
 
 def stage_states(run: RunRecord, done: Sequence[StageTime]) -> dict[str, StageState]:
-    """The state of every stage of a run; stages that its story does not have, or went without, are missing.
+    """The state of every stage of a run; stages that its story lacks or skipped are missing.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def stage_states(run: RunRecord, done: Sequence[StageTime]) -> dict[str, StageSt
 
 
 def stages_so_far(run: RunRecord) -> tuple[StageTime, ...]:
-    """The stages that a run in work has ended, as its output folder tells."""
+    """The finished stages of an active run, according to its output folder."""
     if not run.directory:
         return ()
     return stages_since(Path(run.directory), run.begun)
@@ -65,7 +65,7 @@ def stages_since(directory: Path, begun: datetime | None) -> tuple[StageTime, ..
 
 
 def _ahead(expected: Iterable[str], ended: Mapping[str, StageState]) -> tuple[str, ...]:
-    """The stages behind the last one that has ended."""
+    """The stages after the last finished one."""
     order = tuple(expected)
     reached = [place for place, stage in enumerate(order) if stage in ended]
     return order[max(reached) + 1 :] if reached else order

@@ -1,4 +1,4 @@
-"""Variables that name what production keeps and shows; apart from it, so that a name loads no database."""
+"""Names of the environment variables of production, in a module of their own that loads no database."""
 
 #: Set by ``aerocal serve`` for its runner and what the runner starts.
 RECORDS_VARIABLE = "AEROCAL_RECORDS"

@@ -1,4 +1,4 @@
-"""Approving a calibration: what is looked at before, what it supersedes, and what stands against it."""
+"""Approval of a calibration: what is examined before, what it supersedes, and objections."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Approval:
 
 
 def approval_of(contents: Contents, text: str, validity: Validity, although: str = "") -> Approval:
-    """Look at what an approval would do, and at the difference from what holds so far.
+    """The effect of an approval, and the difference from the calibration in force.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def require_approvable(
 
 
 def approved_meanwhile(contents: Contents, approval: Approval) -> None:
-    """Refuse an approval if another one of the same camera came between looking and deciding.
+    """Refuse an approval if another one of the same camera was made since the examination.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def approved_meanwhile(contents: Contents, approval: Approval) -> None:
 def superseded_by(
     contents: Contents, chosen: StoredCalibration, validity: Validity
 ) -> Iterator[tuple[StoredCalibration, Validity | None]]:
-    """What loses validity to a new approval, each with what is left of it."""
+    """Calibrations that a new approval supersedes, each with its remaining validity."""
     for item in _same_mounting(contents, chosen):
         if item.validity is not None and item.validity.overlaps(validity):
             yield item, item.validity.before(validity.start)

@@ -1,4 +1,4 @@
-"""A calibration.json as it is taken into a registry: checked, and in the one spelling its digest is of."""
+"""A calibration.json as stored in a registry: checked, and in the canonical spelling of its digest."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _REMEDY = "Name the calibration.json that `aerocal calibrate` wrote, or its fold
 
 @dataclass(frozen=True)
 class SealedRecord:
-    """The content of a record, byte for byte what its digest is of.
+    """The content of a record, exactly the bytes of its digest.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class SealedRecord:
 
     @classmethod
     def of(cls, record: CalibrationRecord) -> SealedRecord:
-        """A record that was just made."""
+        """The sealed form of a new record."""
         return cls(json_text(record.model_dump(mode="json")))
 
     @property

@@ -46,7 +46,7 @@ def chosen_calibration(contents: Contents, camera: CameraBody, flown: date) -> S
 
 
 def _differences(item: StoredCalibration, camera: CameraBody, flown: date) -> Iterator[str]:
-    """Why a record does not hold, in words, the most serious first."""
+    """Why a record does not apply, in words, the most serious reason first."""
     yield from differences(item.camera, camera)
     if item.state == "draft":
         yield "not approved yet"

@@ -1,4 +1,4 @@
-"""The contents of a registry, read in one state and held against its history."""
+"""The contents of a registry, read in one state and checked against its history."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _RESTORE = "Restore the registry from a backup; `aerocal registry verify` lists 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something in a registry that was not written by it.
+    """Something in a registry that the registry did not write.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class StoredCalibration:
 
     @property
     def camera(self) -> CameraBody:
-        """What it is of."""
+        """The camera it describes."""
         return CameraBody.of_calibration(self.record)
 
     @property
@@ -68,7 +68,7 @@ class StoredCalibration:
 
     @property
     def validity(self) -> Validity | None:
-        """On which days it holds; None: on none (any more)."""
+        """Days on which it is valid; None: none (any more)."""
         return self.events[-1].validity
 
     @property
@@ -83,7 +83,7 @@ class StoredCalibration:
 
     @property
     def standing(self) -> str:
-        """Until when it holds, who says so, and what spoke against it: wherever it is used."""
+        """Its validity, who approved it, and objections, stated wherever it is used."""
         approval, verdict = self.approval, self.record.verdict
         by = f", approved by {approval.person} on {approval.at[:10]}" if approval is not None else ""
         against = ""
@@ -97,7 +97,7 @@ class StoredCalibration:
 
     @property
     def label(self) -> str:
-        """How sentences call it."""
+        """Its name in sentences."""
         return f"calibration {self.id} ({self.record.camera.name}, version {self.version})"
 
 
@@ -133,7 +133,7 @@ class Contents:
         self._refuse([finding for finding in self.findings if finding.calibration in concerned])
 
     def require_untouched(self) -> None:
-        """Refuse to continue if anything was edited: nothing is written upon what is in doubt.
+        """Refuse to continue if anything was edited: nothing is added to doubtful content.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class Contents:
             raise InputError("The registry was edited: " + " ".join(found[:_SHOWN]) + more, _RESTORE)
 
     def calibration(self, text: str) -> StoredCalibration:
-        """The record that is meant by its id, or the beginning of its digest.
+        """The record with this id or beginning of its digest.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class Contents:
         return found
 
     def of_camera(self, text: str) -> tuple[StoredCalibration, ...]:
-        """The records of the camera that is meant by its name, its body or its lens, oldest first.
+        """The records of the camera with this name, body or lens, oldest first.
 
         Parameters
         ----------

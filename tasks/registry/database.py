@@ -72,7 +72,7 @@ class Database:
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:
-        """A transaction that has the registry for itself; committed at its end, or nothing of it happened.
+        """A transaction with exclusive access; committed completely at its end, or not at all.
 
         The tables are made if there are none.
 

@@ -86,7 +86,7 @@ class ParameterDrift:
 
     @property
     def exceeds(self) -> bool:
-        """Whether it differs by more."""
+        """Whether its limit is exceeded."""
         return abs(self.change.change) > self.limit
 
     @property
@@ -202,6 +202,6 @@ def day_of(item: StoredCalibration) -> str:
 
 
 def _is_settled(item: StoredCalibration) -> bool:
-    """Whether somebody has said why the camera has changed."""
+    """Whether a reason for the change of the camera has been recorded."""
     approval = item.approval
     return approval is not None and bool(approval.although) and item.record.verdict != "refused"

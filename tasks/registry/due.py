@@ -1,4 +1,4 @@
-"""Which cameras need a calibration: what holds today ends or grows old, or the camera has drifted.
+"""Which cameras need a calibration: the one in force expires or ages, or the camera has drifted.
 
 A camera is looked at with the mounting of its newest calibration. Calibrations of earlier mountings are
 listed and never due: nobody flies with them any more.
@@ -172,7 +172,7 @@ _SETTLE = "Find the cause; a known cause is stated at the approval (--although).
 
 
 def _waiting(items: Sequence[StoredCalibration], today: date) -> str:
-    """What is there to follow: approved for later, or a draft younger than all that was approved."""
+    """Calibrations to follow: approved for later, or a draft newer than all approved ones."""
     later = [item for item in items if item.validity is not None and item.validity.start > today]
     if later:
         first = min(later, key=lambda item: item.validity.start if item.validity else date.max)
@@ -183,13 +183,13 @@ def _waiting(items: Sequence[StoredCalibration], today: date) -> str:
 
 
 def _holder(items: Sequence[StoredCalibration], day: date) -> StoredCalibration | None:
-    """The approved calibration that holds on a day; approving takes care that there is one at most."""
+    """The approved calibration in force on a day; approval ensures that there is at most one."""
     held = [item for item in items if item.validity is not None and item.validity.contains(day)]
     return held[-1] if held else None
 
 
 def _born(item: StoredCalibration) -> date:
-    """From when its age counts: the flight, else the approval."""
+    """Day from which its age counts: the flight, otherwise the approval."""
     if item.flown is not None:
         return item.flown
     return date.fromisoformat((item.approval or item.events[0]).at[:10])

@@ -30,17 +30,17 @@ PREDECESSORS: dict[str, tuple[str | None, ...]] = {
 
 @dataclass(frozen=True)
 class Validity:
-    """Days on which a calibration holds, both included; no end: until further notice."""
+    """First and last day on which a calibration is valid; without an end, until further notice."""
 
     start: date
     end: date | None = None
 
     def contains(self, day: date) -> bool:
-        """Whether it holds on a day."""
+        """Whether it includes a day."""
         return self.start <= day and (self.end is None or day <= self.end)
 
     def overlaps(self, other: Validity) -> bool:
-        """Whether both hold on some day."""
+        """Whether both include some day."""
         return (self.end is None or other.start <= self.end) and (
             other.end is None or self.start <= other.end
         )
@@ -91,18 +91,18 @@ class Event:
 
     @property
     def sealed(self) -> Event:
-        """The same event with the digest its values give."""
+        """The same event with the digest of its values."""
         return Event(**{**asdict(self), "digest": self.expected_digest})
 
     @property
     def expected_digest(self) -> str:
-        """The digest its values give."""
+        """The digest of its values."""
         content = {name: _plain(value) for name, value in asdict(self).items() if name != "digest"}
         return hashlib.sha256(json_text(content).encode()).hexdigest()
 
     @property
     def validity(self) -> Validity | None:
-        """On which days the record holds after this event; None: on none."""
+        """Days on which the record is valid after this event; None: none."""
         if self.valid_from is None:
             return None
         end = None if self.valid_to is None else date.fromisoformat(self.valid_to)

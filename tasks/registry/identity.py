@@ -1,4 +1,4 @@
-"""What a calibration is of: the camera, and its mounting in the aircraft.
+"""The subject of a calibration: the camera, and its mounting in the aircraft.
 
 Both are compared as a whole and strictly. A number that one side gives and the other does not is a
 difference: a calibration that might be of another camera is not applied.
@@ -47,12 +47,12 @@ class CameraBody:
 
     @classmethod
     def of_calibration(cls, record: CalibrationRecord) -> CameraBody:
-        """The camera or rig that a record is of."""
+        """The camera or rig of a record."""
         return replace(cls.of_record(record.camera), heads=tuple(map(cls.of_record, record.heads)))
 
     @classmethod
     def of_record(cls, camera: CalibratedCamera) -> CameraBody:
-        """The camera a record is of."""
+        """The camera of a record."""
         return cls(
             camera.name,
             camera.identity,
@@ -96,7 +96,7 @@ class CameraBody:
 
     @classmethod
     def of_row(cls, row: Mapping[str, Any]) -> CameraBody:
-        """A camera as a row of cameras.parquet has it."""
+        """A camera from a row of cameras.parquet."""
         numbers = {name: text if isinstance(text := row.get(name), str) else None for name in _NUMBERS}
         return cls(
             str(row["camera"]),
@@ -110,7 +110,7 @@ class CameraBody:
 
     @property
     def camera_key(self) -> str:
-        """What versions are counted by: body, lens and product, or the name if neither number is known."""
+        """Key for counting versions: body, lens and product, or the name if neither number is known."""
         numbers: dict[str, JSON] = {"body": self.identity.body, "lens": self.identity.lens}
         named: dict[str, JSON] = {"name": self.name}
         known = numbers if any(numbers.values()) else named
@@ -132,7 +132,7 @@ class CameraBody:
 
     @property
     def mounting_key(self) -> str:
-        """What boresight and lever arm belong to."""
+        """Key of the mounting, to which boresight and lever arm belong."""
         identity = self.identity
         return json_text({"imu": identity.imu, "mount": identity.mount, "mount_deg": self.mount_deg})
 
@@ -181,7 +181,7 @@ class CameraBody:
 
 
 def differences(recorded: CameraBody, camera: CameraBody) -> Iterator[str]:
-    """Why a calibration of `recorded` is none of `camera`, the most serious reason first; nothing: it is one.
+    """Why a calibration of `recorded` is none of `camera`, the most serious reason first; empty if it is one.
 
     The one test for every way in which a calibration reaches a camera.
     """

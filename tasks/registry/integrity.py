@@ -1,4 +1,4 @@
-"""What in a registry was not written by it: edited records, a history with gaps, values in another place."""
+"""Content that the registry did not write: edited records, a history with gaps, misplaced values."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _chain_findings(events: Sequence[Event]) -> Iterator[Finding]:
 
 
 def _head_findings(rows: Rows, by_record: Mapping[Any, Sequence[Event]]) -> Iterator[Finding]:
-    """What the registry has counted against what is there."""
+    """The registry's counters compared with its content."""
     if len(rows.head) != 1:
         yield Finding("The row of registry_head is missing.")
         return

@@ -1,4 +1,4 @@
-"""Parameters and covariances of a record as rows, for those who ask the database with SQL."""
+"""Parameters and covariances of a record as rows, for SQL queries."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def write_rows(connection: Connection, number: int, record: CalibrationRecord) -
 
 
 def row_findings(connection: Connection, contents: Contents) -> tuple[Finding, ...]:
-    """Where the rows are not those of the records."""
+    """Findings where the rows differ from the records."""
     of_records = (f for item in contents.calibrations for f in record_row_findings(connection, item))
     known = {event.calibration for event in contents.events}
     return (*of_records, *_stray_findings(connection, known))
@@ -40,7 +40,7 @@ def _stray_findings(connection: Connection, known: set[int]) -> Iterator[Finding
 
 
 def record_row_findings(connection: Connection, item: StoredCalibration) -> Iterator[Finding]:
-    """Where the rows of one record are not those of its content; the first row of each table."""
+    """Findings where the rows of one record differ from its content; the first row of each table."""
     for table, expected in (
         (PARAMETERS, parameter_rows(item.record)),
         (COVARIANCES, covariance_rows(item.record)),

@@ -56,7 +56,7 @@ class RadiometricResult:
 
     @cached_property
     def record(self) -> RadiometricRecord:
-        """What was found."""
+        """The stored record."""
         return RadiometricRecord.model_validate_json(self.content)
 
     @property
@@ -66,7 +66,7 @@ class RadiometricResult:
 
     @property
     def expected_seal(self) -> str:
-        """The seal its values give."""
+        """The seal of its values."""
         values: dict[str, JSON] = {k: v for k, v in asdict(self).items() if k != "seal"}
         return hashlib.sha256(json_text(values).encode()).hexdigest()
 
@@ -117,7 +117,7 @@ def _require_published(file: Path, sha256: str) -> None:
 
 
 def findings(rows: Sequence[RadiometricResult], head: Mapping[str, Any] | None) -> Iterator[str]:
-    """What of the rows, in the order of their numbers, was not written by a registry."""
+    """Rows, in the order of their numbers, that the registry did not write."""
     before = BEGINNING
     for place, row in enumerate(rows, start=1):
         name = f"Radiometric result {row.id}"

@@ -1,4 +1,4 @@
-"""Add calibrations to a registry, approve them, read them; nothing is ever altered or taken out."""
+"""Add calibrations to a registry, approve them, read them; nothing is ever changed or removed."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Registry:
         return cls(Database.at(address, wait_s))
 
     def contents(self) -> Contents:
-        """Everything in it, held against its history.
+        """Everything in it, checked against its history.
 
         Raises
         ------
@@ -75,7 +75,7 @@ class Registry:
             return self._witnessed(connection)
 
     def verified(self) -> Contents:
-        """As `contents`, with the parameters and covariances in their own tables held against the records."""
+        """As `contents`, with the tables of parameters and covariances also checked against the records."""
         with self.database.reading() as connection:
             contents = self._witnessed(connection)
             return replace(contents, findings=(*contents.findings, *row_findings(connection, contents)))
@@ -161,7 +161,7 @@ class Registry:
         return made
 
     def approve(self, approval: Approval, signature: Signature, although: str = "") -> tuple[Event, ...]:
-        """Carry out an approval, and supersede what held before it.
+        """Carry out an approval, and supersede the calibration that was in force.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class Registry:
         return replace(contents, findings=(*contents.findings, *lost))
 
     def _witnessed(self, connection: Connection) -> Contents:
-        """The same of a committed state, which is remembered if nothing speaks against it."""
+        """The same for a committed state, which is remembered if there is no finding."""
         contents = self._held_against_witness(connection)
         if not contents.findings:
             remember(self.database.address, contents.events)
@@ -240,7 +240,7 @@ def _contents(connection: Connection) -> Contents:
 def _event(
     number: int, digest: str, state: str, signature: Signature, validity: Validity | None = None
 ) -> Event:
-    """An event that has no place in the history yet."""
+    """An event that is not yet in the history."""
     start = None if validity is None else validity.start.isoformat()
     end = None if validity is None or validity.end is None else validity.end.isoformat()
     person, note = signature.person, signature.note

@@ -74,7 +74,7 @@ class ParameterSeries:
 
 
 def series_of(items: Sequence[StoredCalibration]) -> tuple[ParameterSeries, ...]:
-    """The series of every parameter that some calibration of a camera has determined."""
+    """The series of every parameter determined by any calibration of a camera."""
     found: dict[tuple[str, str, str], list[SeriesPoint]] = {}
     for item in items:
         for one in item.record.estimated:

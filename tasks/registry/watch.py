@@ -1,4 +1,4 @@
-"""What a registry says about its cameras on a day, as plain data: for the overview page and for programs."""
+"""The state of a registry's cameras on a day, as plain data: for the production page and for programs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tasks.registry.series import ParameterSeries, series_of
 
 @dataclass(frozen=True)
 class Band:
-    """Within what the newest calibration of a parameter should lie.
+    """Limits within which the newest calibration of a parameter should lie.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Band:
 
 @dataclass(frozen=True)
 class WatchedSeries:
-    """One parameter of one camera over its calibrations, with what the newest one is held against.
+    """One parameter of one camera over its calibrations, with the values the newest one is compared with.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class RegistryWatch:
 
 
 def watch_of(contents: Contents, today: date, limits: DueLimits) -> RegistryWatch:
-    """Look at every camera of a registry.
+    """Examine every camera of a registry.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The state of a registry that this machine has seen last: its history may grow, but never shrink.
+"""The last state of a registry seen by this machine: its history may grow, but never shrink.
 
 Whoever owns the database can drop the last event and set the head back; nothing in the registry then shows
 it. What was seen of it is therefore kept elsewhere, in the state folder of this user, and a history that does
@@ -25,14 +25,14 @@ STATE_VARIABLE = "AEROCAL_STATE"
 
 
 def witness_file(address: DatabaseAddress) -> Path:
-    """Where the state of a registry is kept that was seen last."""
+    """File with the last seen state of a registry."""
     named = os.environ.get(STATE_VARIABLE)
     folder = Path(named).absolute() if named else Path(platformdirs.user_state_dir("aerocal"))
     return folder / "registries" / f"{hashlib.sha256(str(address).encode()).hexdigest()[:16]}.json"
 
 
 def lost_state(address: DatabaseAddress, events: Sequence[Event]) -> tuple[Finding, ...]:
-    """A finding if the state that was seen last is no part of a history."""
+    """A finding if the last seen state is not part of a history."""
     seen = _seen(address)
     if seen is None or any(event.digest == seen["state"] for event in events):
         return ()
@@ -47,7 +47,7 @@ def lost_state(address: DatabaseAddress, events: Sequence[Event]) -> tuple[Findi
 
 
 def remember(address: DatabaseAddress, events: Sequence[Event]) -> None:
-    """Keep the state of a registry that is sound; a user without a folder to write to has no witness."""
+    """Keep the state of a sound registry; a user without a writable folder has no witness."""
     seen = _seen(address)
     if not events or (seen is not None and seen["events"] == len(events)):
         return

@@ -42,7 +42,7 @@ def global_test_sentences(figures: AdjustmentFigures, sigma0: float, redundancy:
 
 
 def global_test_words(sigma0: float, test: GlobalTestFigure) -> str:
-    """That the global test fails."""
+    """A sentence that the global test fails."""
     return (
         f"The global test fails: σ0 is {sigma0:.3f}, expected from the stated σ: {test.lower:.3f} to "
         f"{test.upper:.3f} ({100 * test.confidence:g} %)."
@@ -64,7 +64,7 @@ def group_sentences(figures: AdjustmentFigures) -> Iterator[str]:
 
 
 def misfit_words(group: GroupFigure) -> str | None:
-    """That the σ of a group do not fit its residuals; None: they do, or nothing is known."""
+    """A sentence if the σ of a group do not fit its residuals; None: they do, or it is unknown."""
     sigma0, redundancy = group.sigma0, group.redundancy or 0.0
     if sigma0 is None or redundancy < _LEAST_REDUNDANCY or _LIMITS[0] <= sigma0 <= _LIMITS[1]:
         return None

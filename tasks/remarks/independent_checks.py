@@ -16,7 +16,7 @@ _MOST_DISTANCES = 5
 
 
 def check_point_sentences(test: CheckPointTest | None) -> Iterator[str]:
-    """Root mean squares and means that the standard deviations do not let expect, too small ones as well."""
+    """Root mean squares and means not expected from the standard deviations, too small ones as well."""
     if test is None:
         return
     found = (test.rmse_m, test.predicted_low_m, test.predicted_high_m, test.mean_m, test.mean_limit_m)

@@ -1,4 +1,4 @@
-"""What tests of the model have found, in words: what differs, where, by how much, and what to check."""
+"""Findings of the tests of the model in words: what differs, where, by how much, and what to check."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
 
 
 def _runner_up(alternatives: pd.DataFrame) -> str:
-    """The likeliest of those that are no finding, with its t: what a finding is compared with."""
+    """The most likely alternative that is not a finding, with its t, for comparison with a finding."""
     left = alternatives[(alternatives["rank"] == 0) & alternatives["t"].notna()]
     if left.empty:
         return ""

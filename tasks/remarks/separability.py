@@ -52,7 +52,7 @@ _ALONE: tuple[tuple[tuple[str, ...], str], ...] = (
 
 
 def separating(names: Collection[str]) -> tuple[str, ...]:
-    """What would separate the parameters of these names; empty if nothing is known to."""
+    """What would separate the parameters of these names; empty if nothing is known that would."""
     found = [
         remedy
         for some, others, remedy in _PAIRS

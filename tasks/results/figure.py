@@ -1,4 +1,4 @@
-"""What the models of all figures have in common."""
+"""The base of the models of all figures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Values: TypeAlias = tuple[float | None, ...]
 
 
 class Figure(BaseModel):
-    """Base of the figures: immutable; figures of later versions are passed over."""
+    """Base of the figures: immutable; figures of later versions are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 

@@ -1,4 +1,4 @@
-"""The figures of notes and summary.json beyond its contract: one model for who writes and who reads each.
+"""The figures of notes and summary.json beyond its contract: one model for writer and readers of each.
 
 ``summary.json`` allows fields beyond its contract; a figure that a run does not have is None or empty, and
 the report says "none".
@@ -33,7 +33,7 @@ class GroupFigure(Figure):
 
 
 class GlobalTestFigure(Figure):
-    """Limits of σ0 at a confidence level, and whether it keeps them; limits are null without redundancy."""
+    """Limits of σ0 at a confidence level, and whether it meets them; limits are null without redundancy."""
 
     lower: float | None = None
     upper: float | None = None
@@ -42,7 +42,7 @@ class GlobalTestFigure(Figure):
 
 
 class DatumFigure(Figure):
-    """A direction of the datum: its σ (m, rad or relative; null if nothing holds it) and who holds it."""
+    """A direction of the datum: its σ (m, rad or relative; null if nothing holds it) and what holds it."""
 
     direction: str
     sigma: float | None = None
@@ -327,7 +327,7 @@ class TrustMapFigure(Figure):
 
 
 class StatementPartFigure(Figure):
-    """A part of a statement: its points, what became of it, figures and limits in metres, what is beyond."""
+    """A part of a statement: its points, its outcome, figures and limits in metres, and those beyond."""
 
     points: str
     number: int
@@ -339,7 +339,7 @@ class StatementPartFigure(Figure):
 
 
 class StatementFigure(Figure):
-    """What one standard, or the template of an authority, says; ``passed``: it says yes."""
+    """The statement by a standard or an authority's template; ``passed``: the requirement is met."""
 
     standard: str
     edition: str

@@ -80,7 +80,7 @@ def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateR
 
 
 def _of_calibration(figures: Mapping[str, JSON]) -> Iterator[GateResult]:
-    """The limits of a calibration flight together: none of them may be missed."""
+    """The limits of a calibration flight together: all must be met."""
     for name in _CALIBRATIONS:
         calibration = figures.get(name)
         if isinstance(calibration, Mapping) and isinstance(calibration.get("reasons"), Sequence):
@@ -89,7 +89,7 @@ def _of_calibration(figures: Mapping[str, JSON]) -> Iterator[GateResult]:
 
 
 def _belongs_to_run(name: str, figures: Mapping[str, JSON]) -> bool:
-    """Whether the run has the part a gate is of; one without any known part has them all."""
+    """Whether the run has the part that a gate concerns; a run without known parts has them all."""
     parts = {DIRECT: DIRECT in figures, _ADJUSTMENT: _ADJUSTMENT in figures}
     known = any(parts.values()) or _TWO_STEP_ONLY in figures
     return parts[DIRECT if name in _DIRECT_FIGURES else _ADJUSTMENT] or not known

@@ -1,4 +1,4 @@
-"""Clean-up of output folders: stored outputs that nobody has used for long, never what a manifest names.
+"""Clean-up of output folders: stored outputs unused for a long time, never those listed in a manifest.
 
 Kept for ever are the outputs that ``manifest.json`` names, as published files or as stages of the last run,
 and what these were made from, as far as it is there: a rerun of the last stage stays cheap. Everything else
@@ -101,7 +101,7 @@ class CleanUp:
 
     @property
     def freed(self) -> int:
-        """Bytes."""
+        """Bytes that are freed."""
         return sum(output.size for output in self.removed) + self.leftover_size
 
 
@@ -217,7 +217,7 @@ def _needed(
 
 
 def _outputs(store: Path) -> Iterator[StoredOutput]:
-    """The outputs of a store, by stage and key; whatever else lies there is none of ours."""
+    """The outputs of a store, by stage and key; other content is not ours."""
     for stage in sorted(store.iterdir()):
         if stage.is_dir() and not stage.is_symlink():
             for folder in sorted(stage.iterdir()):
@@ -233,7 +233,7 @@ def _used_ns(folder: Path) -> int:
 
 
 def _digests(file: Path) -> tuple[frozenset[str], frozenset[str]]:
-    """What the list of an output says: digests of its files, and of the artifacts in its key."""
+    """Digests in the list of an output: of its files, and of the artifacts in its key."""
     try:
         content = cast(Mapping[str, JSON], read_json(file))
         files = cast(list[Mapping[str, JSON]], content["files"])

@@ -1,4 +1,4 @@
-"""summary.json: the figures of a run for programs, the same fields whatever happened.
+"""summary.json: the figures of a run for programs, the same fields for every outcome.
 
 The stages leave figures in their notes; here they are put together with the gates and timings.
 What does not exist is null, never 0 and never NaN. Fields beyond those of the contract are allowed:
@@ -25,7 +25,7 @@ Status: TypeAlias = Literal["done", "gate_failed", "input_error", "not_computabl
 
 
 class Counts(BaseModel):
-    """How many there are; null for what was not counted."""
+    """Numbers of entities; null for what was not counted."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
@@ -152,7 +152,7 @@ class Summary(BaseModel):
 
     @property
     def missed_checks(self) -> str | None:
-        """What of the independent checks is beyond its limits, in words; None: nothing."""
+        """Independent checks beyond their limits, in words; None: none."""
         points, distances = self.check_point_test, self.distances
         beyond = (
             points is not None and not points.passed,

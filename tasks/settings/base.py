@@ -203,7 +203,7 @@ def trouble(what: str, remedy: str) -> PydanticCustomError:
 
 
 def one_of(known: Collection[str] | Callable[[], Collection[str]], kind: str) -> Callable[[str], str]:
-    """A check that a text is one of the names a register knows; `kind` is what the names stand for.
+    """A check that a text is one of the names in a register; `kind` is what the names denote.
 
     What an extension adds is loaded, so that one that cannot be used is refused here.
     """

@@ -142,7 +142,7 @@ class CameraTable(TableSettings):
 
 
 def _refuse_beside_certificate(camera: CameraInput, given: list[str]) -> None:
-    """A certificate of a head says all there is of its pictures, and nothing of a composed image."""
+    """Refuse values beside a head's certificate, which fully describes its images, not a composed one."""
     also = [*given, *(name for name in ("file", "pixel_um") if getattr(camera, name) is not None)]
     if also or camera.calibration in (REGISTRY, RIG_REGISTRY):
         raise trouble(
@@ -300,7 +300,7 @@ class CameraInput(Settings):
 
     @property
     def covariance(self) -> CalibrationCovariance | None:
-        """How well the values are known, where they are to be anything else than exact."""
+        """How well the values are known, unless they are to be taken as exact."""
         return None if self.calibration_use == "held" else self._covariance
 
     @property

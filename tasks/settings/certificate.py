@@ -34,7 +34,7 @@ class Laboratory(Settings):
 
 
 class Signatory(Settings):
-    """Somebody who signs."""
+    """A person who signs."""
 
     name: Line = Field(description="Name.")
     role: Line = Field(description='Role, e.g. "Head of the laboratory".')

@@ -1,4 +1,4 @@
-"""Values that a project file leaves open: texts that begin with ``DECLARE``, which compute nothing.
+"""Values that a project file leaves open: texts that begin with ``DECLARE`` and stop every computation.
 
 ``aerocal init`` writes them where the files do not say what their numbers mean. They are not guessed, and a
 project that still has some is refused with the list of them.
@@ -18,7 +18,7 @@ _MOST_LISTED = 25
 
 
 def open_value(what: str) -> str:
-    """The text that stands for a value until somebody declares it; `what` says which values it may have."""
+    """The placeholder of a value until it is declared; `what` says which values it may have."""
     return f"{DECLARE}: {what}"
 
 

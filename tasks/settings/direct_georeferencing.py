@@ -93,7 +93,7 @@ class CalibrationInput(Settings):
 
     @property
     def is_of_results(self) -> bool:
-        """Whether it lies in the results of another run."""
+        """Whether it is in the results of another run."""
         return self.parameters is not None
 
 

@@ -1,4 +1,4 @@
-"""Settings of the movement of images during their exposure, against which their edges are held."""
+"""Settings of the movement of images during exposure, with which their edges are compared."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ class ImageQualitySettings(Settings):
         return self
 
     def of_scenes(self) -> ImageQualitySettings:
-        """The settings of the scenes alone: what else is known changes nothing about them."""
+        """The settings of the scenes alone, which do not depend on the others."""
         others = ("sensor", "earlier", "motion", "camera", "identity", "examined", "factor_max")
         return self.model_copy(update={**dict.fromkeys(others), "fail_on": ()})
 

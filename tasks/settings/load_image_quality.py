@@ -38,7 +38,7 @@ def load_image_quality(
     roots: Sequence[Path] = (),
     environment: Mapping[str, str] | None = None,
 ) -> Examination:
-    """The examination that a source means.
+    """The examination that a source describes.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def load_image_quality(
 
 
 def _alone(file: SettingsFile, overrides: Sequence[str], context: PathContext) -> Examination:
-    """What a file without a project says."""
+    """The content of a file without a project."""
     file.replace(overrides)
     settings = cast(ImageQualityFile, file.validated(context)).image_quality
     if settings.motion is not None:

@@ -46,7 +46,7 @@ class ProjectSettings(PlacedSettings):
 
 @dataclass(frozen=True)
 class ProjectSource:
-    """Where the settings of a project are from; two projects are the same wherever they were read from.
+    """The origin of a project's settings; it does not matter when projects are compared.
 
     Attributes
     ----------

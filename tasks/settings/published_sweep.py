@@ -1,4 +1,4 @@
-"""Published tables, kept as data with their source, to stand next to a sweep that asks for one of them.
+"""Published tables, kept as data with their source, shown next to a sweep that requests one of them.
 
 Each is a file in ``published/``. Its rows have the block, control and variant of the scenario they are about,
 and numbers under the names and in the units of sweep.parquet. They are shown, and never enter a computation.

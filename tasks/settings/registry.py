@@ -1,4 +1,4 @@
-"""Where the registry of calibrations is: an option, the environment, or the user's data folder."""
+"""Location of the registry of calibrations: an option, the environment, or the user's data folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REGISTRY = Holding("registry", f"--registry or {REGISTRY_VARIABLE}")
 def registry_address(
     option: str | None = None, environment: Mapping[str, str] = os.environ
 ) -> DatabaseAddress:
-    """The registry that is meant: the option, else the environment, else a file of this user.
+    """Address of the registry: the option, otherwise the environment, otherwise a file of this user.
 
     Parameters
     ----------

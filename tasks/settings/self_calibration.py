@@ -1,4 +1,4 @@
-"""Settings of self-calibration: which additional parameters, for whom, how known, how selected."""
+"""Settings of self-calibration: which additional parameters, for which entities, priors, selection."""
 
 from __future__ import annotations
 

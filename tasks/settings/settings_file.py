@@ -329,7 +329,7 @@ def _page_of(source: SettingsFile) -> str:
 
 
 def _shown_keys(location: Keys, content: Table) -> Keys:
-    """The keys as the user wrote them: no index where a single table was written."""
+    """The keys as the user wrote them: no index for a single table."""
     shown: list[str | int] = []
     table: Any = content
     for key in location:
@@ -341,7 +341,7 @@ def _shown_keys(location: Keys, content: Table) -> Keys:
 
 
 def _remedy_for_missing(location: Keys, kind: SettingsKind) -> str:
-    """What is in the description of the missing field."""
+    """The remedy in the description of the missing field."""
     model: Any = kind.model
     for key in location[:-1]:
         model = model if isinstance(key, int) else _model_below(model, key)

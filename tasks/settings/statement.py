@@ -1,4 +1,4 @@
-"""Settings of statements about accuracy: which an authority wants of this project."""
+"""Settings of the accuracy statements that an authority requires of this project."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class StatementSettings(Settings):
         return None if self.class_m is None else AccuracyClass(*self.class_m)
 
     def content(self) -> Template:
-        """The template that it is made with."""
+        """The template from which it is made."""
         if self.standard is not None:
             return delivered(self.standard)
         if self.template is None:

@@ -104,7 +104,7 @@ def _write(folder: Path, simulation: Simulation, block: SimulatedBlock) -> None:
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """Simulations overwrite simulations, and nothing else."""
+    """Refuse to overwrite anything but a simulation."""
     if folder.is_file():
         raise InputError("This is a file, not a folder.", "Give --out another name.", file=folder)
     if folder.is_dir() and any(folder.iterdir()) and not (folder / TRUTH / SPECIFICATION).is_file():

@@ -131,7 +131,7 @@ def write_truth(
 
 
 def _as_toml(simulation: Simulation) -> Mapping[str, TomlValue]:
-    """Everything the simulation used, without what is not set."""
+    """Everything the simulation used, without unset values."""
     content: Mapping[str, TomlValue] = simulation.model_dump(mode="json", exclude_none=True)
     return content
 

@@ -90,7 +90,7 @@ class JointTest:
 
 @dataclass(frozen=True)
 class TruthComparison:
-    """What an adjustment made of a block whose truth is known.
+    """Comparison of an adjustment with the known truth of its block.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class TruthComparison:
     joint: JointTest | None = None
 
     def contradictions(self) -> tuple[str, ...]:
-        """Sentences about what does not agree with the truth within its own standard deviation."""
+        """Sentences about estimates that do not agree with the truth within their standard deviations."""
         found = [
             f"{item.parameter} of {item.entity} is wrong by {item.t:+.1f} of its standard deviation."
             for item in self.parameters
@@ -124,7 +124,7 @@ class TruthComparison:
         return tuple(found)
 
     def agreement(self) -> str:
-        """What was tested and held, a sentence for a result without contradictions."""
+        """A sentence on what was tested, for a result without contradictions."""
         tested = []
         if self.parameters:
             largest = max(abs(item.t) for item in self.parameters)
@@ -139,7 +139,7 @@ class TruthComparison:
         return f"The result agrees with the truth: {'; '.join(tested) or 'nothing is estimated'}."
 
     def _limits(self, kind: str) -> tuple[float, float]:
-        """Smallest and largest pooled ratio of a kind that chance lets expect."""
+        """Smallest and largest pooled ratio of a kind that are expected by chance."""
         common = any(item.parameter == "focal_length" for item in self.parameters)
         return _POOLED_LIMITS_OF_POSITIONS if kind == POSITIONS and common else _POOLED_LIMITS
 

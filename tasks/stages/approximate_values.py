@@ -165,7 +165,7 @@ def _intersected(
 def _take_surveyed(
     points: tuple[str, ...], surveyed: SurveyedPoints, x_in_local: Floats, status: np.ndarray, count: Ints
 ) -> None:
-    """Full control points that cannot be intersected keep their given position: one ray is worth having."""
+    """Keep full control points that cannot be intersected at their given positions: one ray is useful."""
     row = places_of(surveyed.name, points)
     for k in np.flatnonzero((row >= 0) & surveyed.complete & ~surveyed.is_check):
         j = row[k]

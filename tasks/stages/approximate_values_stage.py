@@ -23,7 +23,7 @@ def approximate_block(
     checks: ChecksSettings,
     misaligned: bool = False,
 ) -> None:
-    """Orient images that were given nothing, intersect all object points, refuse what contradicts itself.
+    """Orient images without given orientation, intersect all object points, refuse contradictory input.
 
     Writes images, approximate_orientations, approximate_points and approximate_boresight.parquet, notes.json.
 

@@ -1,4 +1,4 @@
-"""The cameras with their calibrated interior orientation: what the first of two steps adjusts with.
+"""The cameras with their calibrated interior orientation, used by the first of two steps.
 
 An adjustment on control alone cannot tell the focal length from the flying height; it takes the interior
 orientation from the one-step calibration (two flying heights and GNSS), not from the certificate, whose error

@@ -1,4 +1,4 @@
-"""calibration.json: what a system calibration has found, one record for each camera or rig."""
+"""calibration.json: the result of a system calibration, one record for each camera or rig."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def _evidence(
     gates: Gates,
     steps: StepComparisonFigure | None,
 ) -> Evidence:
-    """What the other stages have found."""
+    """The evidence found by other stages."""
     notes = [read_notes(one["notes"]) for one in stages if "notes" in one]
     results, _ = tested_gates(gates, merged_figures(notes))
     direct = next((note.figures[DIRECT] for note in notes if DIRECT in note.figures), {})

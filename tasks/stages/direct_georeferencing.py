@@ -122,7 +122,7 @@ class _OwnAdjustment:
     def calibration(
         self, exposures: pd.DataFrame, surveyed: pd.DataFrame, map_frame: MapFrame
     ) -> Calibration:
-        """What it estimates, with the points that were used in it as control, and its own flight."""
+        """Its estimates, with the points it used as control, and its own flight."""
         control = control_of(surveyed, read_table(self.control_residuals), map_frame.name)
         flight = None
         if self.parameter_influences is not None:
@@ -156,7 +156,7 @@ def _figures(comparison: Comparison, direct: DirectGeoreferencingSettings) -> di
 
 
 def _remarks(comparison: Comparison, calibration: Calibration, figures: dict[str, JSON]) -> tuple[str, ...]:
-    """Sentences about what was found, which points say something, the calibration, and what is not used."""
+    """Sentences about the results, the points they rest on, the calibration, and unused data."""
     chosen = comparison.independent[comparison.points.surveyed]
     has_models = len(comparison.parallaxes.rays.common.model) > 0
     return (

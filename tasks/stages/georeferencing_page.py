@@ -1,4 +1,4 @@
-"""The page of a direct-georeferencing check: ``georeferencing_check.html``, and its map by itself."""
+"""The page of a direct-georeferencing check: ``georeferencing_check.html``, and its map as a file."""
 
 from __future__ import annotations
 

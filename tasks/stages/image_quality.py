@@ -49,7 +49,7 @@ def examine_sensor(folder: Path, *, settings: SensorSettings) -> None:
 def compare_dates(
     folder: Path, *, stages: tuple[Mapping[str, Artifact], ...], earlier: EarlierResults
 ) -> None:
-    """Write edge_drift and quality_drift.parquet, and what has changed.
+    """Write edge_drift and quality_drift.parquet, and remarks on what has changed.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def compare_dates(
 def compare_with_motion(
     folder: Path, *, edges: Artifact, exposures: Artifact, cameras: Artifact, settings: MotionSettings
 ) -> None:
-    """Write smear_motion.parquet, and which images contradict the movement of the camera.
+    """Write smear_motion.parquet, and remarks on images that contradict the movement of the camera.
 
     Raises
     ------

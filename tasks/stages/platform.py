@@ -113,7 +113,7 @@ def _middles(half: float, cell: float) -> Floats:
 
 
 def _sentence(platform: AdjustedPlatform) -> str:
-    """What was calibrated, and what composing with the given attitudes would leave."""
+    """A sentence on what was calibrated, and on the errors of composing with the given attitudes."""
     _, covariance = platform.angles()
     error, _ = composition_errors(
         platform.adjusted, platform.given, _corners(platform), platform.distance, platform.distance

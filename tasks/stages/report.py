@@ -1,4 +1,4 @@
-"""The report as a stage: ``report.html``, one page that needs nothing else, and its map by itself."""
+"""The report as a stage: ``report.html``, one self-contained page, and its map as a file."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def _image_residuals(residuals: pd.DataFrame) -> Row:
 
 
 def _mean_residuals(notes: Artifact) -> Row:
-    """What the mean residuals in sub-areas of the images amount to, over all cameras."""
+    """The size of the mean residuals in sub-areas of the images, over all cameras."""
     cameras = figures_of(read_notes(notes).figures).residual_grid.cameras
     row: Row = {
         "cells": sum(camera.known for camera in cameras),

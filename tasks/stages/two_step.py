@@ -80,7 +80,7 @@ def calibrate_in_two_steps(
 
 
 def _errors(item: CameraDifferences, table: pd.DataFrame) -> StripErrors | None:
-    """Errors of the strips that show differences, ascending; None if they are not known of all."""
+    """Errors of the strips that show differences, ascending; None if some are unknown."""
     numbers = np.unique(item.differences.strip)
     return strip_errors_of(table, item.camera, tuple(item.strip_names[number] for number in numbers))
 
@@ -91,7 +91,7 @@ def _rule(
     limits: AcceptanceLimits,
     strip_bias_m: tuple[float, float, float],
 ) -> MountingRule:
-    """What flights may differ by, and strips."""
+    """By how much flights and strips may differ."""
     roll_pitch, yaw = np.deg2rad(limits.roll_pitch_deg), np.deg2rad(limits.yaw_deg)
     exposures = np.bincount(item.differences.strip)
     # Errors of the exposures average out in a strip; its bias does not.

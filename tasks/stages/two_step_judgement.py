@@ -113,7 +113,7 @@ class _Estimate:
 
 
 def _called_for(camera: TwoStepFigure) -> dict[str, tuple[_Estimate, _Estimate] | None]:
-    """Estimates in plan of what the tests call for; both together where they call for both."""
+    """Estimates in plan that the tests require; both together if they require both."""
     main, both = camera.mountings[0], camera.separated
     fixed_in = camera.offset_fixed_in
 

@@ -64,7 +64,7 @@ def compose_virtual_images(
 
 
 def _refuse_additional(parameters: pd.DataFrame, cameras: pd.DataFrame) -> None:
-    """Composition takes ideal image coordinates: distortion of the heads would have to be removed before."""
+    """Refuse heads with distortion: composition needs ideal image coordinates."""
     estimated = parameters["parameter"].str.contains(":", regex=False)
     if estimated.any() or (cameras["additional_parameters"] != "{}").any():
         raise NotComputableError(

@@ -1,4 +1,4 @@
-"""References to finished files: what stages hand to each other instead of tables.
+"""References to finished files, which stages pass to each other instead of tables.
 
 An artifact is a path together with the digest of the bytes that were written there. Who reads it
 checks the digest first, so a file that was changed behind our back is noticed and never used.

@@ -1,4 +1,4 @@
-"""Which extensions are installed, with digests of their sources: results depend on them like on libraries."""
+"""Which extensions are installed, with digests of their sources: results depend on them as on libraries."""
 
 from __future__ import annotations
 

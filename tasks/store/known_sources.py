@@ -29,7 +29,7 @@ _SETTLED_NS = 2_000_000_000
 
 
 def known_digest_of_sources(function: Callable[..., object]) -> str:
-    """As `tasks.store.source_digest.digest_of_sources`, which is asked only after a change."""
+    """As `tasks.store.source_digest.digest_of_sources`, which is called only after a change."""
     start = source_of(function)
     if not any(start.is_relative_to(ROOT / package) for package in PACKAGES):
         # Nothing is remembered of folders that are not ours.
@@ -61,7 +61,7 @@ class _Listing:
 
 
 def _files(folder: Path | str) -> Iterator[tuple[str, os.stat_result]]:
-    """The files below a folder in a fixed order, but for what Python has compiled."""
+    """The files below a folder in a fixed order, except compiled Python files."""
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda entry: entry.name):
             if entry.is_dir():
@@ -85,7 +85,7 @@ def _known(start: Path) -> str:
 
 
 def _place() -> Path:
-    """The file of this user and this installation."""
+    """The cache file of this user and this installation."""
     named = os.environ.get(SOURCES_VARIABLE)
     parent = Path(named).absolute() if named else Path(platformdirs.user_cache_dir("aerocal")) / "sources"
     return parent / f"{hashlib.sha256(str(ROOT).encode()).hexdigest()[:16]}.json"

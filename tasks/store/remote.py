@@ -15,16 +15,16 @@ from tasks.store.stage_key import StageKey
 
 
 class Remote(Protocol):
-    """Somewhere finished outputs and results are kept besides the folder of a store.
+    """A place other than the store's folder where finished outputs and results are kept.
 
     Every method raises InstallationError when the place cannot be reached or refuses.
     """
 
     def require_access(self) -> None:
-        """Find out, before anything is computed, whether the place can be reached and lets us in."""
+        """Check, before anything is computed, that the place can be reached and grants access."""
 
     def take(self, key: StageKey, folder: Path) -> float | None:
-        """Bring the output of a stage into an empty folder, every file checked against its digest.
+        """Copy the output of a stage into an empty folder, every file checked against its digest.
 
         Returns
         -------
@@ -33,15 +33,15 @@ class Remote(Protocol):
         """
 
     def put(self, key: StageKey, folder: Path) -> None:
-        """Put a finished output there, complete with its ``stage.json``, whatever is there."""
+        """Store a finished output with its ``stage.json``, replacing whatever is there."""
 
     def put_missing(self, key: StageKey, folder: Path) -> None:
-        """Put a finished output there as far as it is missing, or is not as it was put there."""
+        """Store those parts of a finished output that are missing or have changed."""
 
     def publish(
         self, manifest: Mapping[str, JSON], summary: Mapping[str, JSON], own: Collection[str]
     ) -> None:
-        """Make the results of a run, whose outputs are there already, the ones that readers see.
+        """Show readers the results of a run whose outputs are already stored.
 
         Parameters
         ----------
@@ -49,4 +49,4 @@ class Remote(Protocol):
         """
 
     def tell(self, summary: Mapping[str, JSON]) -> None:
-        """Say how a run ended that has no results; those of the run before stay."""
+        """Record how a run without results ended; those of the previous run are kept."""

@@ -65,7 +65,7 @@ def run_lock(directory: Path, roots: Sequence[Path] = ()) -> Iterator[None]:
 
 @contextmanager
 def run_lock_if_free(directory: Path, roots: Sequence[Path] = ()) -> Iterator[bool]:
-    """Hold the lock of an output folder that there is, if nobody else does; whether it is held.
+    """Hold the lock of an existing output folder if it is free; yields whether it is held.
 
     Parameters and errors as of `run_lock`.
     """
@@ -92,7 +92,7 @@ def _opened(directory: Path, roots: Sequence[Path]) -> Iterator[int]:
 
 
 def _locked(handle: int) -> bool:
-    """Lock the file if nobody else has; whether it is locked now."""
+    """Lock the file if it is free; returns whether it is locked now."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -101,7 +101,7 @@ def _locked(handle: int) -> bool:
 
 
 def _take(handle: int, directory: Path) -> None:
-    """Look at the folder, and say who holds it."""
+    """Take the folder, and record its holder."""
     _require_no_links(directory.absolute() / ".store")
     os.ftruncate(handle, 0)
     os.pwrite(handle, f"{os.getpid()}\n".encode(), 0)

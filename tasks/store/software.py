@@ -1,4 +1,4 @@
-"""What computes here: the sources of this application, the libraries, the processor.
+"""The software of a computation: the sources of this application, the libraries, the processor.
 
 Two processes that agree on sources and libraries write the same bytes on machines of one kind, so they may
 share a store and the work of one run.
@@ -21,7 +21,7 @@ _CARRIERS = ("dask", "distributed", "cloudpickle")
 
 @dataclass(frozen=True)
 class Software:
-    """What a process computes with.
+    """The software a process uses.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Software:
     processor: str
 
     def differences(self, other: Software) -> tuple[str, ...]:
-        """In words, what `other` has otherwise that must be the same for the same bytes."""
+        """In words, how `other` differs in what must be equal for equal bytes."""
         own, others = dict(self.versions), dict(other.versions)
         found = [
             f"{name} {others.get(name, 'missing')} in place of {own.get(name, 'none')}"
@@ -47,6 +47,6 @@ class Software:
 
 @cache
 def software_here() -> Software:
-    """The software of this process, as it was when it was first requested: that is what it has loaded."""
+    """The software of this process when first requested, which is what it has loaded."""
     versions = {**library_versions(), **{name: version(name) for name in _CARRIERS}}
     return Software(digest_of_application(), tuple(sorted(versions.items())), binding.get_host_cpu_name())

@@ -1,4 +1,4 @@
-"""Digest of the source a function can reach: its module and, through imports, ours behind it.
+"""Digest of the source a function can reach: its module and, through imports, further modules of ours.
 
 A stored result may only be served while the code that made it is unchanged. Which code that is
 follows from the import statements, so nobody has to declare it and nobody can forget to: the

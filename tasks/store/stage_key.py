@@ -29,7 +29,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "pyarrow", "pandas", "pyproj")
 
 @runtime_checkable
 class Keyed(Protocol):
-    """Settings of a stage: they know what of them belongs into a key."""
+    """Settings of a stage, which know what belongs in a key."""
 
     def key_content(self) -> JSON:
         """The settings as JSON, every path to an input file replaced by the digest of its content."""
@@ -99,7 +99,7 @@ def differences(old: Mapping[str, JSON], new: Mapping[str, JSON]) -> tuple[str, 
 
 
 def _content(name: str, value: object) -> JSON:
-    """What of an argument belongs into the key, with a tag so that no two kinds can be confused."""
+    """The part of an argument that belongs in the key, with a tag so that no two kinds can be confused."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, date):
@@ -134,7 +134,7 @@ class InputFile:
 
     @classmethod
     def of(cls, path: Path) -> InputFile:
-        """Look at the file now.
+        """The file as it is now.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class InputFile:
         return cls(path, digest_of_delivered(path), stamp)
 
     def require_unchanged(self) -> None:
-        """Refuse a result computed from a file that was being written meanwhile.
+        """Refuse a result computed from a file that was written to meanwhile.
 
         Raises
         ------

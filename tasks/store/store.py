@@ -1,4 +1,4 @@
-"""The stage store: every stage's finished output, found again by its content-true key.
+"""The stage store: every stage's finished output, found by the key of its content.
 
 ``DIR/.store/STAGE/KEY/`` holds what one stage wrote for one key (`tasks.store.stage_key`). An output is
 written into a temporary folder next to it, flushed to the disk and renamed, so a folder with a key
@@ -116,7 +116,7 @@ class Store:
         return outputs
 
     def reason_to_compute(self, key: StageKey) -> str:
-        """In words, what is new against the newest stored output of the same stage."""
+        """In words, what has changed since the newest stored output of the same stage."""
         newest = self.newest(key.stage, without=key.digest)
         if newest is None:
             return "no earlier result"
@@ -125,7 +125,7 @@ class Store:
         return f"changed: {', '.join(changed)}" if changed else "no usable earlier result"
 
     def newest(self, stage: str, without: str = "") -> Mapping[str, JSON] | None:
-        """The list of a stage's newest output, but for that of a key; None: there is none; empty: damaged."""
+        """The list of a stage's newest output, except that of a key; None: there is none; empty: damaged."""
         folders = [path for path in (self.folder / stage).glob("[0-9a-f]*") if path.name != without]
         newest = max(folders, key=lambda path: path.stat().st_mtime_ns, default=None)
         try:
@@ -168,7 +168,7 @@ class Store:
             self.remote.put(key, self._place(key))
 
     def unfinished(self, key: StageKey) -> Path:
-        """A new folder for an output of `key` in the making."""
+        """A new folder for the unfinished output of `key`."""
         parent = self.folder / key.stage
         parent.mkdir(parents=True, exist_ok=True)
         return Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=parent))
@@ -244,7 +244,7 @@ def stored(
 def _bound(
     signature: inspect.Signature, args: tuple[object, ...], kwargs: Mapping[str, object]
 ) -> dict[str, object]:
-    """All arguments of a stage by name, defaults included: what is not passed decides the result, too."""
+    """All arguments of a stage by name, including defaults, which affect the result, too."""
     if args:
         raise TypeError("a stage takes the store and keyword arguments only")
     bound = signature.bind(None, **kwargs)
@@ -259,7 +259,7 @@ def _compute(
     arguments: Mapping[str, object],
     inputs: tuple[InputFile, ...],
 ) -> Outputs:
-    """Run the stage in a folder of its own and keep what it wrote; on any error nothing is left."""
+    """Run the stage in a folder of its own and keep what it wrote; nothing is left after an error."""
     folder = store.unfinished(key)
     started = time.perf_counter()
     try:
@@ -308,7 +308,7 @@ def _renamed(folder: Path, place: Path) -> bool:
 
 
 def remove_whole(place: Path) -> None:
-    """Remove a folder or file, in one step for everybody who looks at it.
+    """Remove a folder or file, in one step as seen by other processes.
 
     A worker elsewhere may still be writing into a folder for a run that has ended: it loses the whole of it
     at once, and can never finish what is left.
@@ -326,7 +326,7 @@ def remove_whole(place: Path) -> None:
 
 
 def _note_use(place: Path) -> None:
-    """Remember that an output was served: by the time of its list, which no digest is of."""
+    """Record the use of an output in the modification time of its list, which no digest covers."""
     # Where it may only be read, it is not cleaned up either.
     with contextlib.suppress(OSError):
         os.utime(place / STAGE_FILE)

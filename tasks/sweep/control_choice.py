@@ -71,7 +71,7 @@ def _usable(surveyed: pd.DataFrame, measured: pd.DataFrame) -> Bools:
 
 
 def _even(place: Floats, count: int) -> Ints:
-    """Indices of points each as far as possible from those before it."""
+    """Indices of points, each as far as possible from the preceding ones."""
     return spread_order(place)[:count]
 
 

@@ -84,7 +84,7 @@ def largest_table(results: SweepResults, block: str, role: Role) -> Table:
 def _compared(
     results: SweepResults, block: str, role: Role, name: str, caption: str, figures: tuple[Column, ...]
 ) -> Table:
-    """A row for each scenario; a figure that is published for any of them has a column of the print."""
+    """A row for each scenario; a figure published for any of them has a column with the published values."""
     scenarios = has_points(results.of_block(block), role)
     printed = [results.printed(row) for _, row in scenarios.iterrows()]
     compared = {column.name for column in figures if any(column.name in one for one in printed)}
@@ -211,5 +211,5 @@ def gsd_table(results: SweepResults, block: str) -> Table:
 
 
 def shown_role(row: pd.Series) -> Role:
-    """Where the accuracy of a scenario is read: at its check points, without any at its control points."""
+    """Points that show the accuracy of a scenario: its check points, or without any its control points."""
     return "check" if float(row["check_points"]) > 0 else "control"

@@ -44,7 +44,7 @@ def scenarios(sweep: SweepSettings) -> tuple[Scenario, ...]:
 
 @dataclass(frozen=True)
 class Computed:
-    """What became of a scenario; a stage may take it as an argument.
+    """The outcome of a scenario, usable as an argument of a stage.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Computed:
 
 
 def in_one_line(scenario: Scenario, outcome: Outputs | InputError | NotComputableError) -> str:
-    """What an adjustment came to, for the progress on the screen."""
+    """The result of an adjustment, for the progress on the screen."""
     if isinstance(outcome, InputError | NotComputableError):
         return f"{scenario}: {outcome}"
     sigma0_um = read_notes(outcome["notes"]).figures["sigma0_um"]

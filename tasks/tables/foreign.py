@@ -70,7 +70,7 @@ def read_foreign_table(
 
 
 def _trouble_in_column(table: pa.Table, column: Column) -> str | None:
-    """Why a column is none of its schema, a sentence; None: it is one."""
+    """Why a column does not conform to its schema, as a sentence; None: it does."""
     if column.name not in table.column_names:
         return f"This table has no column '{column.name}'."
     values = table.column(column.name)

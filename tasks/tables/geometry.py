@@ -23,7 +23,7 @@ def box_of(table: pa.Table, schema: TableSchema) -> Box | None:
 
 
 def box_around(coordinates: NDArray[np.float64]) -> Box | None:
-    """The box around points (n, 3); NaN is not known; None without a point in plan or without a height."""
+    """The box around points (n, 3); NaN is unknown; None without any point in plan or any height."""
     known = np.isfinite(coordinates)
     if not (known[:, 0] & known[:, 1]).any() or not known[:, 2].any():
         return None

@@ -44,7 +44,7 @@ def _rank(array: pa.Array) -> NDArray[np.int64]:
 
 
 def ascending(tables: Iterable[pa.Table], schema: TableSchema) -> Iterator[pa.Table]:
-    """The same tables, once every key is seen to be above the one before it, also across their borders.
+    """The same tables, after checking that every key exceeds the one before it, also across their borders.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def ascending(tables: Iterable[pa.Table], schema: TableSchema) -> Iterator[pa.Ta
 
 
 def _out_of_order(columns: list[pa.Array]) -> NDArray[np.int64]:
-    """Rows whose key, made of these columns, is not above that of the row before; ascending.
+    """Rows whose key, made of these columns, does not exceed that of the row before; ascending.
 
     A column is looked at where all columns before it leave the order open: most texts are never compared.
     """

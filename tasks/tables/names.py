@@ -1,4 +1,4 @@
-"""Names that are in a table by the million, taken by index and never copied one by one."""
+"""Names that occur by the million in a table, taken by index and never copied one by one."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def write_row_groups(
     box: Box | None = None,
     extra: Sequence[str] = (),
 ) -> int:
-    """Write a table that never is in memory as a whole; the same bytes as :func:`write_table` writes.
+    """Write a table that is never in memory as a whole, with the same bytes as :func:`write_table`.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _write(
     frame: MapFrame | None,
     box: Box | None,
 ) -> int:
-    """Write sorted tables one after the other; the number of rows."""
+    """Write sorted tables one after the other; returns the number of rows."""
     metadata = {METADATA: json.dumps(_metadata(schema, frame), sort_keys=True, ensure_ascii=False).encode()}
     if schema.coordinates and frame is not None:
         fields = fields.append(pa.field(GEOMETRY, pa.binary()))

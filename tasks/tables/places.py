@@ -1,4 +1,4 @@
-"""Where names stand among others: a million of them in a tenth of a second."""
+"""Positions of names among others: a million of them in a tenth of a second."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FEW = 20
 
 
 def places_of(names: Texts, among: Texts) -> Places:
-    """Index (n,) of each name in ``among`` (m,), which are all different; −1 where it is not there."""
+    """Index (n,) of each name in ``among`` (m,), which are all different; −1 if it is missing."""
     if len(names) * _FEW < len(among):
         wanted = set(names)
         place = {name: i for i, name in enumerate(_listed(among)) if name in wanted}

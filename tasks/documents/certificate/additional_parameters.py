@@ -92,7 +92,7 @@ def _row(
 
 
 def _finding(item: CalibratedParameter, offered: Mapping[Hashable, Any], level: str) -> str:
-    """The finding, and of what was eliminated the reason without the level that all tests have."""
+    """The finding; for eliminated ones the reason, without the level common to all tests."""
     reason = str(offered.get("reason", "")).removesuffix(f" ({level})")
     if item.status == "eliminated" and reason:
         return f"{finding(item)}: {reason}"

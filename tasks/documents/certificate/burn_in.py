@@ -86,14 +86,14 @@ def burn_in_content(
 
 
 def title_verdict(triangulation: Tone, calibration: str) -> Verdict:
-    """The worse of what the report says of the triangulation and the verdict of the platform calibration."""
+    """The worse of the report's verdict on the triangulation and that of the platform calibration."""
     if triangulation == "failed" or calibration == "refused":
         return "refused"
     return "accepted" if triangulation == "good" and calibration == "accepted" else "restricted"
 
 
 def _missed(gates: Sequence[GateResult], calibration: CalibrationFigures) -> tuple[str, ...]:
-    """Limits of the project that are not met, and what speaks against the platform calibration."""
+    """Limits of the project that are not met, and evidence against the platform calibration."""
     of_gates = (
         f"{gate_words(gate.name)}: {gate.value if gate.value is None else format(gate.value, '.3f')}, limit "
         f"{with_unit(gate.limit, unit_words(gate.unit))}"
@@ -143,7 +143,7 @@ def _platform(platform: pd.DataFrame, published: PublishedTable | None) -> Secti
 
 
 def _published_heads(platform: pd.DataFrame, published: PublishedTable) -> Table:
-    """The published attitudes and the differences of ours to them."""
+    """The published attitudes, and the differences of ours from them."""
     rows = tuple(
         Row(
             str(head["head"]),

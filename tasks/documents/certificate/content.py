@@ -1,4 +1,4 @@
-"""What a certificate says, before it is a page, a PDF or JSON: sections of words, tables and drawings.
+"""The content of a certificate, independent of HTML, PDF or JSON: sections of text, tables and drawings.
 
 The three documents are made from this one tree, so their numbers cannot differ. Numbers carry their full
 value besides the digits that are shown (`tasks.document_kit.table.Number`).
@@ -60,7 +60,7 @@ class Fact:
 
     @property
     def gap(self) -> str:
-        """What is before the unit."""
+        """The separator before the unit."""
         return "" if self.unit in ("", "°") else " "
 
 
@@ -236,7 +236,7 @@ class CertificateContent:
 
     @property
     def subject(self) -> str:
-        """What it is about, under the camera."""
+        """Its subject, below the camera."""
         if self.kind == "geometric":
             return f"System calibration of an aerial camera · flight {self.project}"
         if self.kind == "burn_in":
@@ -261,6 +261,6 @@ def short_code(digest: str) -> str:
 
 
 def beside(*blocks: Listing | Figure | None) -> tuple[Block, ...]:
-    """Two blocks side by side, or the one there is."""
+    """Two blocks side by side, or the only one."""
     there = tuple(block for block in blocks if block is not None)
     return (SideBySide(there),) if len(there) > 1 else there

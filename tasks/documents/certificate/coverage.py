@@ -19,7 +19,7 @@ COVERAGE = 0.95
 
 @dataclass(frozen=True)
 class CoverageFactor:
-    """The factor, and what it rests on; ``freedom`` is None without limit."""
+    """The factor and its basis; ``freedom`` is None for infinitely many degrees of freedom."""
 
     k: float
     freedom: int | None

@@ -1,4 +1,4 @@
-"""Section of the image: effect of the additional parameters, and what the residuals still show."""
+"""Section of the image: effect of the additional parameters, and the remaining systematic residuals."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def effect_section(material: CertificateMaterial) -> Section:
 
 
 def _effects(results: Material, names: Sequence[str]) -> tuple[list[Block], list[Figure]]:
-    """Table and map of what the additional parameters do."""
+    """Table and map of the effect of the additional parameters."""
     errors = tuple(own for own in image_errors.image_errors(results) if own.camera.name in names)
     acting = tuple(own for own in errors if own.all.longest_um > 0.0)
     if not acting:

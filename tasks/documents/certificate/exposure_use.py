@@ -1,4 +1,4 @@
-"""Which exposures were used, and which not and why."""
+"""Which exposures were used, which were not, and why."""
 
 from __future__ import annotations
 

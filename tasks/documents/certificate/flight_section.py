@@ -143,7 +143,7 @@ def _percent(part: float | None) -> float | None:
 
 
 def _directions(images: pd.DataFrame, known: tuple[float, ...]) -> str:
-    """Directions of the record with the number of strips that fly them: ``90° (7), 270° (7)``."""
+    """Directions of the record with the number of their strips: ``90° (7), 270° (7)``."""
     found: list[float] = []
     for _, strip in images.groupby("strip", sort=True):
         angle = np.deg2rad(strip["heading_deg"].dropna().to_numpy(np.float64))

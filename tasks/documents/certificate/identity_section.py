@@ -1,4 +1,4 @@
-"""Section of the camera: what was calibrated, by the numbers on it."""
+"""Section of the camera: what was calibrated, identified by its serial numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The limits a calibration is held against: value, limit, and whether it is kept.
+"""The limits of a calibration: value, limit, and whether it is met.
 
 Limits of the flight are those of `tasks.settings.calibration.AcceptanceLimits`, limits of the results the
 gates of the project. Tests that state their own limits in words stand with the verdict.
@@ -57,7 +57,7 @@ def _row(
     unit: str = "",
     decimals: int = 2,
 ) -> Row:
-    """A figure with its lower and upper limit; one that does not exist keeps none."""
+    """A figure with its lower and upper limit; a missing one meets none."""
     lower, upper = bounds
     kept = value is not None and (lower is None or value >= lower) and (upper is None or value <= upper)
     cells = (
@@ -72,7 +72,7 @@ def _row(
 
 
 def _of_sigmas(material: CertificateMaterial) -> Iterator[Row]:
-    """σ of each estimated parameter, its result or not, and its part of the σ known before."""
+    """σ of each estimated parameter, whether it has a result, and the ratio to its prior σ."""
     figures = material.results.figures.calibration
     limits = material.results.project.calibration.limits
     found = {} if figures is None else {(item.parameter, item.entity): item for item in figures.parameters}

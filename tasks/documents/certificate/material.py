@@ -1,4 +1,4 @@
-"""What a certificate is made from: the record of the calibration and the tables of its results."""
+"""The material of a certificate: the record of the calibration and the tables of its results."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class CertificateMaterial:
 
     @property
     def images_of_strips(self) -> pd.DataFrame:
-        """Of `images` those of one head alone: what is next to each other in a strip is not one event."""
+        """The `images` of one head alone, so that neighbours in a strip are not of one event."""
         taken = [name for name in self.record.names if (self.images["camera"] == name).any()]
         return self.images[self.images["camera"].isin(taken[:1])]
 

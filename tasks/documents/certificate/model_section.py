@@ -1,4 +1,4 @@
-"""Tests of the model: what it may lack, what this flight would not notice, and what no flight can tell."""
+"""Tests of the model: what it may lack, what this flight cannot detect, and what no flight can."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def model_section(material: CertificateMaterial) -> Section:
 
 
 def assumption_table(material: CertificateMaterial) -> Table:
-    """Declarations whose contrary fits every flight as well, with what it would change."""
+    """Declarations whose opposite fits every flight as well, with what it would change."""
     columns = (
         text_column("assumption", "declared, and assumed to be correct"),
         text_column("otherwise", "otherwise"),

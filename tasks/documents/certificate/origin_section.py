@@ -46,7 +46,7 @@ def verification_section(material: CertificateMaterial) -> Section:
 
 
 def origin_section(material: CertificateMaterial, software: Mapping[str, str]) -> Section:
-    """Annex: what the values were computed from and with what, and what made the document."""
+    """Annex: what the values were computed from and with, and what produced the document."""
     record = material.record
     blocks = (
         *_project_file(material.source),
@@ -60,7 +60,7 @@ def origin_section(material: CertificateMaterial, software: Mapping[str, str]) -
 
 
 def _project_file(source: ProjectSource) -> tuple[Block, ...]:
-    """Digest of the project file, and what stood in the place of values of it."""
+    """Digest of the project file, and the values that replaced some of it."""
     replaced = "listed below" if source.overrides else "none"
     facts = (
         Fact("project_file", "project file, SHA-256", (source.sha256 or "read from no file",)),

@@ -1,4 +1,4 @@
-"""certificate.html: one page that needs nothing else."""
+"""certificate.html: one self-contained page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""certificate.pdf: A4, tagged (PDF/UA-1), with the fonts that typst brings along; made without network.
+"""certificate.pdf: A4, tagged (PDF/UA-1), with the fonts of typst; made without network access.
 
 The template reads the same tree that certificate.json holds. Texts reach it as data, so nothing in a name
 can be markup. There is no date in the file and system fonts are left out: the same content gives the same

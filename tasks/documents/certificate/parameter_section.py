@@ -70,7 +70,7 @@ def parameter_section(material: CertificateMaterial) -> Section:
 
 
 def held_table(material: CertificateMaterial) -> Table:
-    """What was held, how well it is known, and in which σ it has the largest part."""
+    """What was held, how well it is known, and the σ in which its share is largest."""
     columns = (
         text_column("quantity", "held"),
         Column("sigma", "declared σ"),

@@ -1,4 +1,4 @@
-"""Section of the settings: everything that was chosen and acts on the numbers, in words."""
+"""Section of the settings: every choice that affects the numbers, in words."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def _weights(material: CertificateMaterial) -> tuple[Fact, ...]:
 
 
 def _priors(settings: AdjustmentSettings) -> tuple[str, ...]:
-    """σ of the initial values of what is estimated, those that have one."""
+    """σ of the initial values of estimated parameters, where there is one."""
     found = []
     for kind in (KINDS[name] for name in settings.free):
         value = getattr(settings.priors, kind.key(kind.unit), None)

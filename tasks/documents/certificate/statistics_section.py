@@ -143,7 +143,7 @@ def _row(key: str, words: str, unit: str, values: Sequence[float | None], decima
 
 
 def _limit(key: str, gate: AxisGate | None, values: Sequence[float | None]) -> Row:
-    """The limit of the row above; a figure that does not exist does not keep it."""
+    """The limit of the row above; a missing figure does not meet it."""
     if gate is None:
         return Row(key, ("   limit", "", "", "", "", "", "none set"))
     kept = all(v is not None and v <= limit for v, limit in zip(values, gate.max, strict=True))
@@ -168,7 +168,7 @@ def _mean(table: pd.DataFrame, pattern: str, names: Sequence[str]) -> tuple[floa
 
 
 def _of_group(results: Material, group: str, components: Sequence[str]) -> tuple[float | None, ...]:
-    """RMS residual of each component of an observation group that were used."""
+    """RMS residual of each component of an observation group, of the observations used."""
     table = results.residuals
     own = table[(table["group"] == group) & table["status"].isin(TOOK_PART)]
     return _rms([own.loc[own["component"] == c, "residual"].to_numpy(np.float64) for c in components])

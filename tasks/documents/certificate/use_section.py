@@ -1,4 +1,4 @@
-"""Section of the use: what the values apply to, and what this certificate must not be used for."""
+"""Section on use: what the values apply to, and what this certificate must not be used for."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OF_PRODUCT = {
 
 
 def use_section(material: CertificateMaterial) -> Section:
-    """What it is for, and what not."""
+    """What it is for, and what it is not for."""
     blocks: list[Block] = []
     if material.record.verdict != "refused":
         blocks.append(Sentences("The values are valid for", _holds_for(material)))

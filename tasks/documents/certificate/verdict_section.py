@@ -70,7 +70,7 @@ def brief_section(material: CertificateMaterial) -> Section:
 
 
 def _of_family(material: CertificateMaterial, family: str) -> list[Fact]:
-    """One fact for each parameter of a family; one for all of an entity if nothing is said about any."""
+    """One fact for each parameter of a family; one for all of an entity without any remark."""
     own = quantities.in_order(tuple(item for item in material.parameters if quantities.is_of(item, family)))
     facts, k = list[Fact](), coverage_of(material).k
     for entity in dict.fromkeys(item.entity for item in own):
@@ -110,7 +110,7 @@ def _brief(item: CalibratedParameter, k: float) -> Fact:
 
 
 def verdict_section(material: CertificateMaterial) -> Section:
-    """Verdict, what is said of each parameter, and the limits of the project."""
+    """Verdict, the finding for each parameter, and the limits of the project."""
     record = material.record
     blocks: list[Block] = [Words(verdict_sentence(record))]
     blocks.append(Listing(determinability_table(material), ("because",)))

@@ -1,4 +1,4 @@
-"""Words in the place of names of the code: parameters, settings and tables in sentences of a certificate.
+"""Words instead of names of the code: parameters, settings and tables in sentences of a certificate.
 
 Reasons and remarks are written for who runs the program and name its settings; who reads a certificate has a
 document only.
@@ -86,7 +86,7 @@ AXES_NOTE = (
 
 
 def in_words(sentence: str) -> str:
-    """A sentence with words in the place of names of the code."""
+    """A sentence with words instead of names of the code."""
     plain = _GATE.sub(lambda found: f"The limit for {gate_words(found[1])} is not met", sentence)
     plain = _NAMES.sub(lambda found: _SETTINGS.get(found[0], quantity_words(found[0])), plain)
     plain = _OTHER_SETTING.sub(lambda found: _key_words(found[1]), plain)

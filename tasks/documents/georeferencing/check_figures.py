@@ -16,7 +16,7 @@ NONE: Triple = (None, None, None)
 
 
 class _Figure(BaseModel):
-    """Figures that a later version may have more of."""
+    """Figures to which later versions may add."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 

@@ -1,4 +1,4 @@
-"""What the page of a check is made from: the tables of the check and its figures."""
+"""The material of the page of a check: its tables and figures."""
 
 from __future__ import annotations
 

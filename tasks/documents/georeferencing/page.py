@@ -1,4 +1,4 @@
-"""georeferencing_check.html: the page of a direct-georeferencing check, and its map by itself."""
+"""georeferencing_check.html: the page of a direct-georeferencing check, and its map as a file."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def parallax_classes(values: Floats) -> Classes:
 
 
 def parallax_histogram(material: CheckMaterial) -> Markup:
-    """Bars of the y-parallaxes, and the distribution their predicted σ let expect; needs one parallax."""
+    """Bars of the y-parallaxes, and the distribution expected from their predicted σ; needs one parallax."""
     table = material.parallaxes[material.parallaxes["status"] == "used"]
     values, sigma = (table[name].to_numpy(np.float64) for name in ("parallax_um", "sigma_um"))
     largest = float(np.abs(values).max()) or 1.0

@@ -8,7 +8,7 @@ from tasks.documents.report.key_figures import Verdict
 
 
 def verdict(material: CheckMaterial) -> Verdict:
-    """What was found at independent points, whether it was to be expected, and the limits."""
+    """The result at independent points, whether it was expected, and the limits."""
     found, expected = _differences(material)
     gates = material.summary.gates
     failed = [gate_words(gate.name) for gate in gates if not gate.passed]
@@ -19,7 +19,7 @@ def verdict(material: CheckMaterial) -> Verdict:
 
 
 def _differences(material: CheckMaterial) -> tuple[str, bool]:
-    """The differences in words, and whether they are what the prediction lets expect."""
+    """The differences in words, and whether they agree with the prediction."""
     figures = material.figures
     if figures.count == 0:
         return "Direct georeferencing was not tested: there are no independent check points.", False

@@ -1,4 +1,4 @@
-"""What the radiometric certificate says: the tree of the certificate kit from tables and figures."""
+"""The content of the radiometric certificate, from tables and figures."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def radiometric_record(
     name: str,
     software: Mapping[str, str],
 ) -> Mapping[str, JSON]:
-    """What the certificate stands on: camera, verdict, quantities, digests of all tables, software."""
+    """The basis of the certificate: camera, verdict, quantities, digests of all tables, software."""
     camera, identity = material.settings.camera or name, material.settings.identity
     tables = {
         name: artifact.sha256 for outputs in stages for name, artifact in outputs.items() if name != "notes"

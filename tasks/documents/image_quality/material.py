@@ -1,4 +1,4 @@
-"""What the page about image quality is made of."""
+"""The material of the page about image quality."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class SensorMaterial:
 
 @dataclass(frozen=True, eq=False)
 class QualityMaterial:
-    """What was examined; None: it was not.
+    """The examinations; None for one that was not made.
 
     Attributes
     ----------

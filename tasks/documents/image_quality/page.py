@@ -72,7 +72,7 @@ def _line(scenes: SceneMaterial | None) -> str:
 
 
 def _verdicts(material: QualityMaterial) -> Iterator[str]:
-    """The factors of the bands, and whether the sensor keeps its thresholds."""
+    """The factors of the bands, and whether the sensor meets its thresholds."""
     if material.scenes is not None and not len(material.scenes.whole):
         yield "No edge could be measured."
     elif material.scenes is not None:

@@ -82,7 +82,7 @@ def _rejected_images(material: Material) -> set[str]:
 def _rings(
     images: pd.DataFrame, surveyed: pd.DataFrame, found: Sequence[Cause], plot: MapPlot
 ) -> list[Markup]:
-    """A ring around every image and point that is to be looked at, with its name; none for whole flights."""
+    """A ring with a name around every image and point to look at; none for whole flights."""
     parts = []
     named: set[str] = set()
     for cause in found:

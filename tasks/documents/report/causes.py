@@ -1,4 +1,4 @@
-"""Where to look first: the strip, image or point behind what the block contradicts, one sentence for each.
+"""Where to look first: the strip, image or point behind each contradiction, one sentence for each.
 
 From the tests of the model, from what was rejected besides image points, from images whose points do not
 fit, from check points beyond their σ, and from suspicions that the delivery itself is wrong.
@@ -68,7 +68,7 @@ class Cause:
 
 
 def causes(material: Material) -> tuple[Cause, ...]:
-    """The causes, the most likely first; what one of them explains is not named again."""
+    """The causes, the most likely first; nothing that one of them explains is named again."""
     found = [_of_finding(material, finding) for finding in material.figures.model_findings]
     found += [Cause("the delivery", sentence) for sentence in material.suspicions]
     for cause in chain(_rejected(material), _unfit_images(material), _check_points(material)):
@@ -90,7 +90,7 @@ def remarks(material: Material, found: Sequence[Cause]) -> tuple[str, ...]:
 
 
 def _explains(known: Cause, cause: Cause) -> bool:
-    """Whether a cause is another sight of one that is known."""
+    """Whether a cause is the same as a known one, seen differently."""
     if known.place == cause.place:
         return True
     return bool(cause.images) and cause.images <= known.images and known.group in (cause.group, "")
@@ -232,7 +232,7 @@ def _check_points(material: Material) -> Iterator[Cause]:
 
 
 def by_place(found: Sequence[Cause]) -> Mapping[str, tuple[str, ...]]:
-    """What is to be reported of each place, the most likely first."""
+    """What to report about each place, the most likely first."""
     places: dict[str, tuple[str, ...]] = {}
     for cause in found:
         places[cause.place] = (*places.get(cause.place, ()), cause.sentence)

@@ -14,7 +14,7 @@ from tasks.results.figures import DatumFigure
 
 
 def _shown(figure: DatumFigure) -> tuple[float | None, int, str]:
-    """σ of a direction in the unit people read it in: value, decimals, unit."""
+    """σ of a direction in its customary unit: value, decimals, unit."""
     factor, decimals, unit = 1.0, 3, "m"
     if figure.direction.startswith("rotation"):
         factor, decimals, unit = 1e3 * float(np.rad2deg(1.0)), 2, "mdeg"

@@ -66,7 +66,7 @@ def figure_of(page: str, name: str) -> str:
 
 
 def _figures(page: str) -> dict[str, str]:
-    """By name. The page is ours: drawings do not nest, and a figure has one; of another, nothing is found."""
+    """Drawings by name. In our pages, drawings do not nest and a figure has one; other pages have none."""
     found = {}
     for part in page.split(_FIGURE)[1:]:
         name, (_, start, rest) = _NAME.match(part), part.partition(_DRAWING)

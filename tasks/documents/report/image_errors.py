@@ -1,4 +1,4 @@
-"""Systematic image errors: what the adjusted additional parameters say of the image, −Δ over the format.
+"""Systematic image errors: the effect of the adjusted additional parameters on the image, −Δ over the format.
 
 The values are those of ``parameters.parquet``: besides what was adjusted also what the camera brought along.
 """
@@ -87,7 +87,7 @@ def additional_of(material: Material) -> pd.DataFrame:
 
 
 def parameters_of(material: Material, camera: str, names: tuple[str, ...]) -> AdditionalParameters:
-    """What parameters of these names do to the images of a camera, with its adjusted focal length."""
+    """The effect of these parameters on the images of a camera, with its adjusted focal length."""
     table = material.camera_table
     row = table[table["camera"] == camera].to_dict("records")[0]
     row["focal_length_mm"] = adjusted_focal_length_mm(material.parameters, camera)
@@ -96,7 +96,7 @@ def parameters_of(material: Material, camera: str, names: tuple[str, ...]) -> Ad
 
 
 def adjusted_focal_length_mm(parameters: pd.DataFrame, camera: str) -> float:
-    """Of a camera, from parameters.parquet, which names what is held as well."""
+    """Focal length of a camera from parameters.parquet, which also lists held parameters."""
     own = parameters[(parameters["parameter"] == "focal_length") & (parameters["entity"] == camera)]
     return float(own["value"].item())
 

@@ -18,7 +18,7 @@ Tone: TypeAlias = Literal["good", "attention", "failed"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """What can be said about the result in one sentence.
+    """The verdict on the result in one sentence.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Verdict:
 
 
 def verdict(material: Material, causes: Sequence[Cause] = ()) -> Verdict:
-    """Gates, global test and how much else contradicts, in one sentence."""
+    """Gates, global test and other contradictions in one sentence."""
     gates = material.summary.gates
     free = material.figures.free_network
     what = "The free network" if free is not None and free.defect else "The block"
@@ -150,7 +150,7 @@ def _mean_rays(material: Material, is_check: bool) -> float | None:
 
 
 def _of_one(points: int | None) -> str:
-    """A warning behind figures of a single point, which says nothing of the others."""
+    """A warning after figures of a single point, which say nothing about the others."""
     return " (of ONE point: not an accuracy)" if points == 1 else ""
 
 

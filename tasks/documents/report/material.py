@@ -1,4 +1,4 @@
-"""What the report is made from: the tables of the contract, read once, and a few things they imply."""
+"""The material of the report: the tables of the contract, read once, and a few derived quantities."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def _strongest_row(row: Mapping[Hashable, Any]) -> Row:
 
 
 def unnoticed_table(material: Material) -> Table:
-    """Alternatives whose smallest error that is found moves a parameter notably, and those never found."""
+    """Alternatives whose smallest detectable error moves a parameter notably, and undetectable ones."""
     table = material.model_alternatives
     moved = table["moved_by_detectable"].where(table["t"].notna(), np.inf)
     table = table.assign(moved=moved)

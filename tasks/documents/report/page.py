@@ -1,4 +1,4 @@
-"""From the material to the page: every table and plot is made here, the templates place them among words."""
+"""From the material to the page: every table and plot is made here; the templates place them in the text."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
 
 
 def _residual_tables(material: Material, fields: Sequence[ResidualField]) -> tuple[Table, ...]:
-    """Figures of the residuals of each camera, and how they were used as corrections."""
+    """Figures of the residuals of each camera, and their use as corrections."""
     of_cameras = residual_field.field_table(fields, material.project.adjustment.confidence)
     iteration = material.figures.residual_grid.iteration
     return (of_cameras,) if iteration is None else (of_cameras, grid_iteration.iteration_table(iteration))

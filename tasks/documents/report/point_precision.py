@@ -1,4 +1,4 @@
-"""Standard deviations of the object points: by number of rays, and over the block."""
+"""Standard deviations of the object points by number of rays and over the block."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ SOFTWARE: Mapping[str, str] = {name: version(name) for name in ("aerocal", "jinj
 
 
 def computed_with() -> Mapping[str, str]:
-    """Versions that numbers depend on: ours, and those in the key of every stage."""
+    """Versions on which numbers depend: ours, and those in the key of every stage."""
     return {"aerocal": SOFTWARE["aerocal"], **library_versions()}
 
 

@@ -1,4 +1,4 @@
-"""Correlation of neighbouring residuals by their distance: what the model has not taken out."""
+"""Correlation of neighbouring residuals by their distance: what the model does not explain."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def head_tables(material: Material) -> tuple[Table, ...]:
 
 
 def _kind_table(material: Material, kind: Kind, name: str) -> Table:
-    """Parameters of one kind; nothing of a kind that is zero for all heads."""
+    """Parameters of one kind; nothing for a kind that is zero for all heads."""
     table, parameters = material.camera_table, material.parameters
     heads = table.loc[table["head_of"].notna(), ["camera", "head_of"]].itertuples(index=False)
     own = parameters[parameters["parameter"].isin(_components(kind))]
@@ -124,7 +124,7 @@ def _components(kind: Kind) -> tuple[str, ...]:
 
 
 def _strongest(pairs: Mapping[tuple[Key, Key], float]) -> Mapping[Key, tuple[Key, float]]:
-    """With what every parameter is correlated most."""
+    """The strongest correlation of every parameter."""
     found: dict[Key, tuple[Key, float]] = {}
     for pair, value in pairs.items():
         for one, other in (pair, pair[::-1]):

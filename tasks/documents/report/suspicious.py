@@ -1,4 +1,4 @@
-"""Observations that were rejected, and those that nothing controls."""
+"""Rejected and uncontrolled observations."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def trajectory_map(trajectories: pd.DataFrame, exposures: pd.DataFrame) -> Marku
 
 
 def _entries(trajectories: pd.DataFrame) -> list[Swatch]:
-    """What is to be seen of it."""
+    """Entries of its legend."""
     solution = trajectories["solution"]
     shown = (
         (_PLAIN, "without quality", solution.isna().any()),

@@ -97,7 +97,7 @@ def trust_map_plot(material: Material) -> Markup | None:
 
 
 def _raster(grid: TrustMapGrid) -> Raster:
-    """Whole cells of the map together, so that none is left out between two."""
+    """Whole cells of the map combined, so that none is omitted."""
     together = -(-max(grid.rows, grid.columns) // _CELLS)
     size, rows, columns = together * grid.cell_m, -(-grid.rows // together), -(-grid.columns // together)
     return Raster(grid.west_m, grid.north_m - rows * size, size, rows, columns)

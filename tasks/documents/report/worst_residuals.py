@@ -1,4 +1,4 @@
-"""Residuals by group, by image and by strip: the worst always, whatever was rejected."""
+"""Residuals by group, by image and by strip: always the largest ones, whatever was rejected."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _worst_row(row: Mapping[Hashable, Any]) -> Row:
 
 
 def residuals_by_image(material: Material) -> pd.DataFrame:
-    """One row for each oriented image, by strip and name: what its observations have left.
+    """One row for each oriented image, by strip and name: the residuals of its observations.
 
     Columns: image, strip, points and rejected (image points), rms_x_um, rms_y_um, largest_w; gnss_x … gnss_z
     in metres and ins_roll … ins_yaw in millidegrees (adjusted − observed, rejected ones too), NaN without
@@ -210,7 +210,7 @@ def _strip_directs(by_image: pd.DataFrame) -> Table:
 
 
 def listed_note(table: pd.DataFrame, file: str) -> str:
-    """What a list with a row for each image leaves out."""
+    """A note on what a list with a row for each image omits."""
     return "" if len(table) <= MOST_LISTED else f"The first {MOST_LISTED:,} of {len(table):,}; all in {file}."
 
 

@@ -1,4 +1,4 @@
-"""sweep.html: the scenarios of a sweep, next to a published table where the project asks for one."""
+"""sweep.html: the scenarios of a sweep, next to a published table if the project requests one."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def rmse_bars(results: SweepResults, block: str) -> Markup:
 
 
 def _group_words(scenarios: pd.DataFrame, groups: list[str]) -> list[str]:
-    """Names of the choices of control points; where there are no check points, that is said."""
+    """Names of the choices of control points; the absence of check points is stated."""
     without = set(scenarios.loc[scenarios["check_points"].fillna(0) == 0, "control"])
     return [f"{group} (at control points)" if group in without else group for group in groups]
 

@@ -1,4 +1,4 @@
-"""The page of a camera: every parameter over the years, one file that needs nothing else."""
+"""The page of a camera: every parameter over the years, in one self-contained file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A parameter of a camera over its calibrations: σ bars, and what the approved ones allow."""
+"""A parameter of a camera over its calibrations: σ bars, and the limits of the approved ones."""
 
 from __future__ import annotations
 

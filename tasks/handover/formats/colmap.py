@@ -45,7 +45,7 @@ def write_colmap(delivery: Delivery) -> Files:
 
 
 def _rigs(delivery: Delivery) -> Files:
-    """Rigs and frames of a block with heads that sit beside each other alike in all events."""
+    """Rigs and frames of a block whose heads have the same relative pose in all events."""
     found = written_rigs(delivery)
     if found is None:
         return {}

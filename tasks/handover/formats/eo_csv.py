@@ -15,7 +15,7 @@ _DECIMALS = {"deg": ANGLES, "gon": ANGLES, "rad": ANGLES + 2}
 
 
 def write_eo_csv(delivery: Delivery) -> Files:
-    """``eo.csv``; those of angles only in the system they are known in, ω, φ, κ."""
+    """``eo.csv``; covariances of angles only in the system of the adjustment, ω, φ, κ."""
     angles, pose = delivery.angles, delivery.handed.pose
     names = [f"{name}_{angles.unit}" for name in angles.order.split("-")]
     sigmas = delivery.sigmas

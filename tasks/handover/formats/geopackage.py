@@ -86,7 +86,7 @@ def _surveyed(delivery: Delivery, name: str, kept: Bools) -> Layer:
 
 
 def _vectors(delivery: Delivery) -> Layer:
-    """Lines in plan and height; where a coordinate was not surveyed it does not move."""
+    """Lines in plan and height; zero for a coordinate that was not surveyed."""
     surveyed, place = delivery.points.surveyed, _places(delivery)
     difference = np.nan_to_num(surveyed.difference)
     kept = np.isfinite(place).all(axis=1) & np.isfinite(surveyed.difference).any(axis=1)

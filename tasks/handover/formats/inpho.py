@@ -36,7 +36,7 @@ def write_inpho(delivery: Delivery) -> Files:
 
 
 def _refraction(delivery: Delivery) -> str:
-    """Whether the program is to correct refraction: where we did and it is not in the orientations."""
+    """Whether the program must correct refraction: if we did, and it is not in the orientations."""
     return "on" if delivery.results.images.refracted and not delivery.handed.refitted else "off"
 
 

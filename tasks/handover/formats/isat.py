@@ -47,5 +47,5 @@ def _camera(camera: CalibratedCamera, focal_length: float) -> list[str]:
 
 
 def _word(name: str) -> str:
-    """Its names end at a blank."""
+    """A name without blanks, at which its names end."""
     return name.replace(" ", "_")

@@ -96,7 +96,7 @@ def _in_chunk(place: Floats, frame: AdjustmentFrame) -> list[float]:
 
 
 def _finished(document: ElementTree.Element, chunk: ElementTree.Element, frame: AdjustmentFrame) -> str:
-    """The text of a document whose chunk has its CRS."""
+    """The text of a document after its chunk has been given the CRS."""
     if isinstance(frame, TopocentricFrame):
         _add(chunk, "reference").text = pyproj.CRS.from_epsg(_DATUM).to_wkt("WKT1_GDAL")
     ElementTree.indent(document)

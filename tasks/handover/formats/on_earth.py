@@ -112,6 +112,6 @@ def _shapes(delivery: Delivery) -> list[_Shape]:
 
 
 def _counter_clockwise(ring: Floats) -> Floats:
-    """The ring as outer rings must run."""
+    """The ring counter-clockwise, as required of outer rings."""
     x, y = (ring[:, k] - ring[0, k] for k in (0, 1))
     return ring if float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) > 0.0 else ring[::-1]

@@ -103,7 +103,7 @@ def _rigs(delivery: Delivery) -> tuple[dict[str, object], dict[str, str]]:
 
 
 def _on_earth(delivery: Delivery, frame: TopocentricFrame) -> dict[str, str]:
-    """What OpenDroneMap takes next to its images."""
+    """The files that OpenDroneMap reads next to its images."""
     files, points = {}, delivery.points
     surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
     measured, rows = pixels(delivery) - _CENTRE, []

@@ -1,4 +1,4 @@
-"""Orbit: one line an image, ω, φ, κ in degrees; it wants undistorted images."""
+"""Orbit: one line an image, ω, φ, κ in degrees; it requires undistorted images."""
 
 from __future__ import annotations
 

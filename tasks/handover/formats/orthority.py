@@ -72,5 +72,5 @@ def _camera(model: LensModel) -> str:
 
 
 def _decimal(value: float) -> str:
-    """A number that YAML takes for one: without an exponent."""
+    """A number that YAML reads as one: without an exponent."""
     return f"{value + 0.0:.18f}"

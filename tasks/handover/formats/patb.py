@@ -78,7 +78,7 @@ def _control(delivery: Delivery, chosen: Sequence[int], number_of: dict[str, str
 
 
 def numbers_of_names(names: Sequence[str]) -> tuple[list[str], bool]:
-    """Numbers of photos or points, and whether they are not the names themselves."""
+    """Numbers of photos or points, and whether they differ from the names."""
     plain = all(name.isascii() and name.isdigit() and len(name) <= _DIGITS for name in names)
     if plain and not any(name.startswith("0") for name in names):
         return list(names), False

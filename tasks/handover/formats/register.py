@@ -1,4 +1,4 @@
-"""All formats in which results are handed over; a further one is a file here and a row.
+"""All formats in which results are exported; to add one, add a file here and a row.
 
 Formats of whole blocks are in `EXCHANGE`, those of results alone in `DELIVERIES`.
 """

@@ -1,4 +1,4 @@
-"""Names as a format takes them, and the table of those that had to be changed."""
+"""Names that a format accepts, and the table of those that had to be changed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tasks.handover.formats.numbers import table
 
 
 def without_blanks(names: Sequence[str]) -> list[str]:
-    """Names with '_' for every blank; one that is taken already gets a number."""
+    """Names with '_' for every blank; a name already in use gets a number."""
     kept = {name for name in names if not any(sign.isspace() for sign in name)}
     found = []
     for name in names:
@@ -30,7 +30,7 @@ def renamed(file: str, what: str, short: Sequence[str], names: Sequence[str]) ->
 
 
 def tie_names(names: Sequence[str]) -> dict[str, str]:
-    """The table of tie points in the order in which a format has them, without names; none without points."""
+    """The table of tie points in the order of a format that does not name them; None without points."""
     if not names:
         return {}
     rows = [[f"tie{number}", name] for number, name in enumerate(names, start=1)]

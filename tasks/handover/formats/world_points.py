@@ -20,12 +20,12 @@ def object_points(delivery: Delivery) -> Floats:
 
 
 def corrected_image_points(delivery: Delivery) -> Floats:
-    """(m, 2) metres from the principal point, x right, y up, corrected by all that a camera has."""
+    """(m, 2) metres from the principal point, x right, y up, with all corrections of the camera."""
     return _corrected(delivery, delivery.points.xy)
 
 
 def straight_image_points(delivery: Delivery) -> Floats:
-    """The same freed of refraction, where that is not in the orientations.
+    """The same without refraction, unless the orientations contain it.
 
     As in the adjustment it is taken from what was measured, for the height of each object point.
     """

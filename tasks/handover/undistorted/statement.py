@@ -1,4 +1,4 @@
-"""What undistorted images contain and what not, in plain sentences: UNDISTORTED.txt."""
+"""UNDISTORTED.txt: what undistorted images contain and what they do not, in plain sentences."""
 
 from __future__ import annotations
 

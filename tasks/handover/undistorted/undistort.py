@@ -1,4 +1,4 @@
-"""Images freed of the distortion that an adjustment has found, the camera that belongs to them, and what they contain."""  # noqa: E501
+"""Images without the distortion that an adjustment has found, their camera, and a statement of what they contain."""  # noqa: E501
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Undistorted:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """An image to be written: whose it is, and under which name."""
+    """An image to be written: its camera and its new name."""
 
     path: Path
     camera: CalibratedCamera
@@ -119,7 +119,7 @@ def _carried_out(
 
 
 def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | None) -> list[_Job]:
-    """All images that are wanted, after everything that can be refused has been checked."""
+    """All requested images, after all checks."""
     cameras, of_image = read_cameras(results)
     if camera is not None and camera not in cameras:
         raise InputError(
@@ -146,7 +146,7 @@ def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | Non
 
 
 def _camera_of(path: Path, of_image: Mapping[str, str]) -> str:
-    """Name of the camera of an image, which is called as its file, with or without the ending of either."""
+    """Name of the camera of an image, found by its file name, with or without extension."""
     for name in (path.name, path.stem):
         if name in of_image:
             return of_image[name]

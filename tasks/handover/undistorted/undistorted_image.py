@@ -1,4 +1,4 @@
-"""One image, freed of its distortion strip by strip: read, resampled and written from top to bottom."""
+"""One image without its distortion: read, resampled and written strip by strip from top to bottom."""
 
 from __future__ import annotations
 
