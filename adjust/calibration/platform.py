@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-import scipy.stats
+from scipy import special
 from scipy.sparse.csgraph import connected_components
 
 from adjust.arrays import Floats, Ints
@@ -94,7 +94,7 @@ class PlatformCalibration:
         """Probability of so large a change of a head by chance: χ² with three degrees of freedom."""
         own = slice(3 * head, 3 * head + 3)
         size = self.change[head] @ np.linalg.solve(self.covariance[own, own], self.change[head])
-        return float(scipy.stats.chi2.sf(size, 3))
+        return float(special.chdtrc(3, size))
 
 
 def calibrate_platform(

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from adjust.arrays import Floats
 from adjust.image_quality.smear import SmearFit, apparent, fit_smear
@@ -104,4 +104,4 @@ def compared_with_motion(
     difference = found.amplitude - expected.amplitude
     together = found.covariance + expected.covariance
     statistic = float(difference @ np.linalg.solve(together, difference)) / 2.0
-    return MotionComparison(expected, found, float(stats.f.sf(statistic, 2, found.freedom)))
+    return MotionComparison(expected, found, float(special.fdtrc(2, found.freedom, statistic)))

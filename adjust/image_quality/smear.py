@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from adjust.arrays import Floats
 from adjust.image_quality.edge_model import density, once_integrated, twice_integrated
@@ -180,6 +180,6 @@ def smear(angle: Floats, blur: Floats) -> Smear | None:
         sigma_length=found.sigma_length,
         direction=found.direction,
         sigma_direction=found.sigma_direction,
-        probability=float(stats.f.sf(statistic, 2, found.freedom)),
+        probability=float(special.fdtrc(2, found.freedom, statistic)),
         edges=len(angle),
     )

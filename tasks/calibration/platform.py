@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import scipy.stats
+from scipy import special
 
 from adjust.arrays import Floats
 from adjust.calibration.platform import covariance_with_mean_rotation, with_mean_rotation
@@ -56,7 +56,7 @@ class AdjustedPlatform:
         for head, change in enumerate(self.change):
             own = slice(3 * head, 3 * head + 3)
             size = change @ np.linalg.solve(self.covariance[own, own], change)
-            found.append(scipy.stats.chi2.sf(size, 3))
+            found.append(special.chdtrc(3, size))
         return np.array(found)
 
     def angles(self) -> tuple[Floats, Floats]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TypeAlias
 
 from markupsafe import Markup, escape
@@ -43,21 +44,22 @@ class Number:
     @property
     def data(self) -> str:
         """The full value as text that reads back exactly; empty without a value."""
-        return repr(float(self.value)) if self.value is not None and self.exists else ""
+        return repr(float(self.value)) if self.value is not None and math.isfinite(self.value) else ""
 
     def __str__(self) -> str:
-        if self.value is None or not self.exists:
+        value = self.value
+        if value is None or not math.isfinite(value):
             return NONE
         sign = "+" if self.plus else ""
-        if self.decimals > _MOST_DECIMALS and self.value != 0.0:
-            digits = max(_exponent(self.value) + self.decimals, 0)
-            mantissa, exponent = f"{self.value:{sign}.{digits}e}".split("e")
+        if self.decimals > _MOST_DECIMALS and value != 0.0:
+            digits = max(_exponent(value) + self.decimals, 0)
+            mantissa, exponent = f"{value:{sign}.{digits}e}".split("e")
             return f"{mantissa}e{int(exponent)}".replace("-", "−")
-        text = f"{self.value:{sign},.{self.decimals if self.decimals <= _MOST_DECIMALS else 0}f}"
+        text = f"{value:{sign},.{self.decimals if self.decimals <= _MOST_DECIMALS else 0}f}"
         # A zero that was rounded has no sign.
-        if not text.strip("+-0.,"):
+        if text[-1] == "0" and not text.strip("+-0.,"):
             text = text.lstrip("+-")
-        return text.replace("-", "−")
+        return text.replace("-", "−") if value < 0.0 else text
 
 
 Cell: TypeAlias = str | Number
@@ -118,14 +120,15 @@ class Table:
         """The rows as HTML; for thousands of rows, a template would take as long as the adjustment."""
         texts = ["<td>" if column.numeric else '<td class="words">' for column in self.columns]
         values = [f'<td data-column="{escape(column.name)}" data-value="' for column in self.columns]
+        escaped = cache(lambda text: str(escape(text)))  # names of strips repeat, and most texts are empty
         lines = []
         for row in self.rows:
             cells = "".join(
-                f"{text}{escape(cell)}</td>" if isinstance(cell, str) else f'{value}{cell.data}">{cell}</td>'
+                f"{text}{escaped(cell)}</td>" if isinstance(cell, str) else f'{value}{cell.data}">{cell}</td>'
                 for text, value, cell in zip(texts, values, row.cells, strict=True)
             )
             anchor = f' id="{self.row_id(row.key)}"' if row.key in self.linked else ""
-            lines.append(f'<tr{anchor} data-key="{escape(row.key)}">{cells}</tr>\n')
+            lines.append(f'<tr{anchor} data-key="{escaped(row.key)}">{cells}</tr>\n')
         return Markup("".join(lines))
 
 

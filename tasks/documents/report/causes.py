@@ -126,10 +126,8 @@ def _rejected(material: Material) -> Iterator[Cause]:
     table = table[(table["group"] != IMAGE_POINTS) & (table["status"] != "not_used")]
     if not (table["status"] == "rejected").any():
         return
-    images = material.oriented
-    strips = dict(zip(images["image"], images["strip"], strict=True))
     table = table.assign(
-        strip=table["image"].map(strips).fillna(""),
+        strip=material.strips_of(table["image"]),
         ratio=(table["residual"] / table["sigma"]).abs(),
         rejected=table["status"] == "rejected",
     )

@@ -26,6 +26,8 @@ from tasks.tables.places import places_of
 IMAGE_POINTS = "image_points"
 #: Status of residuals that were used in the adjustment.
 TOOK_PART = ("used", "uncontrolled")
+# Tables in which names repeat.
+_LONG = ("image_points", "residuals")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +105,11 @@ class Material:
         table["ground_m"] = table["z_m"] - height
         return table
 
+    def strips_of(self, images: pd.Series) -> list[str]:
+        """Strip (n,) of each named image; empty where none of the oriented images is named."""
+        strips = dict(zip(self.oriented["image"], self.oriented["strip"], strict=True))
+        return [strips.get(name, "") for name in images]
+
     @cached_property
     def gsd_m(self) -> float:
         """Ground sampling distance: the median over the images, m; NaN without images."""
@@ -145,7 +152,7 @@ class Material:
         columns = ["image", "point", "residual", "redundancy", "standardized", "status"]
         chosen = (self.residuals["group"] == IMAGE_POINTS) & (self.residuals["component"] == name)
         own = self.residuals.loc[chosen, columns].reset_index(drop=True)
-        if not all(own[column].equals(self.image_points[column]) for column in ("image", "point")):
+        if not all(_are_same(own[column], self.image_points[column]) for column in ("image", "point")):
             raise ValueError("residuals.parquet and image_points.parquet have other image points")
         return own
 
@@ -180,7 +187,7 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
     """
     tables = {name: artifact for outputs in stages for name, artifact in outputs.items()}
     read = {
-        name: read_table(tables[name])
+        name: read_table(tables[name], categories=name in _LONG)
         for name in (
             "images",
             "image_points",
@@ -220,4 +227,18 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
         trajectories=read_table(tables["trajectories"]) if "trajectories" in tables else pd.DataFrame(),
         suspicions=tuple(dict.fromkeys(sentence for note in notes for sentence in note.suspicions)),
         **read,
+    )
+
+
+def _are_same(one: pd.Series, other: pd.Series) -> bool:
+    """Whether two columns of categories have the same texts."""
+    if len(one) != len(other):
+        return False
+    first, second = one.cat.codes.to_numpy(), other.cat.codes.to_numpy()
+    place = np.full(len(other.cat.categories) + 1, -1)
+    place[second] = first
+    named = place[:-1] >= 0
+    return bool(
+        np.array_equal(place[second], first)
+        and one.cat.categories[place[:-1][named]].equals(other.cat.categories[named])
     )

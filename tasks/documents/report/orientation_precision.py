@@ -10,7 +10,7 @@ from adjust.arrays import Floats, Ints
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale
 from tasks.document_kit.legend import Swatch, swatches
-from tasks.document_kit.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
+from tasks.document_kit.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.report.material import Material
 from tasks.documents.report.worst_residuals import MOST_LISTED, listed_note
 
@@ -68,20 +68,19 @@ def orientation_list(material: Material) -> Table:
         *(Column(name, heading, unit) for name, heading, unit, _ in _LISTED),
         *(Column(name, symbol, unit) for name, symbol, unit, _ in COMPONENTS),
     )
+    listed = images.head(MOST_LISTED)
+    shown = [
+        *((listed[name], decimals) for name, _, _, decimals in _LISTED),
+        *((listed[name] * factor, 3 if unit == "m" else 2) for name, _, unit, factor in COMPONENTS),
+    ]
     rows = tuple(
-        Row(
-            str(row["image"]),
-            (
-                str(row["image"]),
-                str(row["strip"]),
-                *(Number(float(row[name]), decimals) for name, _, _, decimals in _LISTED),
-                *(
-                    Number(float(row[name]) * factor, 3 if unit == "m" else 2)
-                    for name, _, unit, factor in COMPONENTS
-                ),
-            ),
+        Row(image, (image, strip, *values))
+        for image, strip, *values in zip(
+            listed["image"].tolist(),
+            listed["strip"].tolist(),
+            *(numbers(values.tolist(), decimals) for values, decimals in shown),
+            strict=True,
         )
-        for row in images.head(MOST_LISTED).to_dict("records")
     )
     note = listed_note(images, "exterior_orientations.parquet")
     return Table("orientation-list", "Exterior orientations of the images", columns, rows, note)

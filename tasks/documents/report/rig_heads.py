@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.stats
+from scipy import special
 
 from adjust.arrays import Bools, Floats
 from adjust.parameters import FAMILIES
@@ -105,7 +105,7 @@ def _tests(kind: Kind, change: Floats, covariance: Floats, pair: tuple[Key, Key,
     factor = shown(kind.unit).factor
     largest = factor * float(change[np.argmax(np.abs(change))])
     # The probability of as large a change of a head that sits as given.
-    chance = float(scipy.stats.chi2.sf(change @ np.linalg.solve(covariance, change), len(change)))
+    chance = float(special.chdtrc(len(change), change @ np.linalg.solve(covariance, change)))
     decimals = decimals_for(factor * float(np.sqrt(np.diagonal(covariance).min())))
     words = ""
     if pair is not None:

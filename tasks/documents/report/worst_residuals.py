@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
+from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.documents.report.suspicious import observation, observation_columns, observation_key
 from tasks.quantities import unit_words
@@ -28,14 +28,13 @@ _DIRECT = (
 def worst_table(material: Material) -> Table:
     """The largest |w| of each group, of observations that were used and are controlled."""
     table = material.residuals
-    used = table[(table["status"] == "used") & table["standardized"].notna()]
-    size = used["standardized"].abs()
+    size = table["standardized"].abs().where(table["status"] == "used")
     places = [
         place
-        for _, own in size.groupby(used["group"], sort=True)
-        for place in own.nlargest(MOST_OF_GROUP).index
+        for _, own in size.groupby(table["group"], sort=True)
+        for place in own.dropna().nlargest(MOST_OF_GROUP).index
     ]
-    chosen = used.loc[places].assign(strip=lambda rows: rows["image"].map(_strips(material)).fillna(""))
+    chosen = table.loc[places].assign(strip=lambda rows: material.strips_of(rows["image"]))
     columns = (
         *observation_columns(),
         text_column("strip", "strip"),
@@ -120,20 +119,18 @@ def image_table(by_image: pd.DataFrame) -> Table:
         text_column("left_out", "GNSS, INS rejected"),
     )
     listed = by_image.head(MOST_LISTED)
+    shown = [
+        *((name, 0, False) for name in ("points", "rejected")),
+        *((name, 2, False) for name in ("rms_x_um", "rms_y_um", "largest_w")),
+        *((name, decimals, True) for name, _, _, _, decimals in _direct_names()),
+    ]
     rows = tuple(
-        Row(
-            str(row["image"]),
-            (
-                str(row["image"]),
-                str(row["strip"]),
-                Number(row["points"]),
-                Number(row["rejected"]),
-                *(Number(row[name], 2) for name in ("rms_x_um", "rms_y_um", "largest_w")),
-                *_direct_numbers(row),
-                str(row["left_out"]),
-            ),
+        Row(image, (image, strip, *values, left_out))
+        for image, strip, left_out, *values in zip(
+            *(listed[name].tolist() for name in ("image", "strip", "left_out")),
+            *(numbers(listed[name].tolist(), decimals, plus=plus) for name, decimals, plus in shown),
+            strict=True,
         )
-        for row in listed.to_dict("records")
     )
     return Table(
         "image-list", "Residuals by image", columns, rows, listed_note(by_image, "residuals.parquet")
@@ -232,7 +229,3 @@ def _direct_columns(pattern: str, heading: str) -> tuple[Column, ...]:
 
 def _direct_numbers(row: Mapping[Hashable, Any], *, plus: bool = True) -> tuple[Number, ...]:
     return tuple(Number(float(row[column]), decimals, plus) for column, _, _, _, decimals in _direct_names())
-
-
-def _strips(material: Material) -> dict[str, str]:
-    return dict(zip(material.oriented["image"], material.oriented["strip"], strict=True))

@@ -259,3 +259,33 @@ CONTRACT = {
 @pytest.mark.parametrize("name", CONTRACT)
 def test_the_published_columns_are_there(name):
     assert set(CONTRACT[name].split()) <= {column.name for column in SCHEMAS[name].columns}
+
+
+def test_texts_can_be_read_as_categories_in_their_order(tmp_path):
+    path = tmp_path / "residuals.parquet"
+    # Names come in any order, a null stays one, and each of two row groups has a dictionary of its own.
+    count = 120_000
+    names = np.array(["b", "ä", "B", "10"], dtype=object)[np.arange(count) % 4]
+    numbers = [f"{i:06d}" for i in range(count)]
+    write_table(
+        path,
+        RESIDUALS,
+        {
+            "group": ["gnss_positions"] * (count - 1) + ["control_points"],
+            "image": pa.array([*names[:-1], None]),
+            "point": numbers,
+            "component": ["x"] * count,
+            "residual": np.arange(count),
+            "sigma": np.ones(count),
+            "unit": ["m"] * count,
+            "redundancy": np.ones(count),
+            "standardized": np.ones(count),
+            "status": ["used"] * count,
+        },
+    )
+    plain, read = (read_table(artifact_of(path), categories=own) for own in (False, True))
+    assert read["image"].cat.categories.tolist() == ["10", "B", "b", "ä"]
+    assert read["point"].cat.categories.is_monotonic_increasing
+    for name in ("group", "image", "point", "status"):
+        assert read[name].astype(plain[name].dtype).equals(plain[name])
+    assert read["residual"].equals(plain["residual"])
