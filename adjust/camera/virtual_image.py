@@ -111,13 +111,18 @@ def in_heads(heads: PlatformHeads, head: Ints, virtual: Floats, distance: Floats
 
 def covering_head(heads: PlatformHeads, virtual: Floats, distance: float) -> Ints:
     """Head (n,) whose picture fills a point of the virtual image: where it is least far out; −1: none."""
+    return covering_heads(heads, virtual, distance)[:, 0]
+
+
+def covering_heads(heads: PlatformHeads, virtual: Floats, distance: float) -> Ints:
+    """The head whose picture fills each point of the virtual image, and the next one (n, 2); −1: none."""
     out = np.full((len(heads), len(virtual)), np.inf)
     for number in range(len(heads)):
         own = in_heads(heads, np.full(len(virtual), number), virtual, distance)
         part = np.abs(own) / heads.half_format[number]
         out[number] = np.where(np.isfinite(part).all(axis=1), part.max(axis=1), np.inf)
-    best = np.argmin(out, axis=0)
-    return np.where(out[best, np.arange(len(virtual))] <= 1.0, best, -1)
+    best = np.argsort(out, axis=0, kind="stable")[:2]
+    return np.asarray(np.where(np.take_along_axis(out, best, axis=0) <= 1.0, best, -1).T)
 
 
 def composition_errors(

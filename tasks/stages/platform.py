@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from adjust.arrays import Floats
-from adjust.camera.virtual_image import composed, composition_errors, in_heads
+from adjust.arrays import Floats, Ints
+from adjust.camera.virtual_image import composed, composition_errors, covering_heads, in_heads
 from adjust.geometry import rotation
 from tasks.calibration.platform import AdjustedPlatform, adjusted_platforms
 from tasks.store.artifact import Artifact
@@ -82,15 +82,11 @@ def _grid(platform: AdjustedPlatform) -> Mapping[str, Sequence[Any] | Floats]:
     place = np.column_stack([x.ravel(), y.ravel()])
     error, head = composition_errors(platform.adjusted, platform.given, place, z, z)
     seam, _ = composition_errors(platform.adjusted, platform.adjusted, place, z, _NEARER * z)
-    sigma = np.full(place.shape, np.nan)
-    there = np.flatnonzero(head >= 0)
-    own = head[there]
-    in_head = np.full(place.shape, np.nan)
-    in_head[there] = in_heads(platform.adjusted, own, place[there], z)
-    found = composed(platform.adjusted, own, in_head[there], z)
-    blocks = platform.covariance.reshape(len(platform.head), 3, len(platform.head), 3)[own, :, own]
-    spread = found.of_rotation @ blocks @ np.swapaxes(found.of_rotation, 1, 2)
-    sigma[there] = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
+    in_head, design = _of_heads(platform, place, head)
+    spread = _with_correlation(design, platform.covariance)
+    # Where a second head covers the point, the step between both has their joint covariance.
+    beside = covering_heads(platform.given, place, z)[:, 1]
+    step = _with_correlation(design - _of_heads(platform, place, beside)[1], platform.covariance)
     columns: dict[str, Sequence[Any] | Floats] = {
         "platform": [platform.name] * len(place),
         "x_mm": place[:, 0] * 1e3,
@@ -101,10 +97,32 @@ def _grid(platform: AdjustedPlatform) -> Mapping[str, Sequence[Any] | Floats]:
         columns |= {
             f"head_{'xy'[axis]}_mm": in_head[:, axis] * 1e3,
             f"d{'xy'[axis]}_um": error[:, axis] * 1e6,
-            f"sigma_{'xy'[axis]}_um": sigma[:, axis] * 1e6,
+            f"sigma_{'xy'[axis]}_um": spread[:, axis] * 1e6,
             f"seam_{'xy'[axis]}_um": seam[:, axis] * 1e6,
+            f"sigma_step_{'xy'[axis]}_um": step[:, axis] * 1e6,
         }
+    columns["correlation"], columns["correlation_step"] = spread[:, 2], step[:, 2]
+    columns["next_head"] = [None if number < 0 else platform.head[number] for number in beside]
     return columns
+
+
+def _of_heads(platform: AdjustedPlatform, place: Floats, head: Ints) -> tuple[Floats, Floats]:
+    """Coordinates (n, 2) of points in heads (n,), derivatives (n, 2, 3h) by all rotations; NaN without."""
+    in_head = np.full(place.shape, np.nan)
+    design = np.zeros((len(place), 2, len(platform.head), 3))
+    design[head < 0] = np.nan
+    there = np.flatnonzero(head >= 0)
+    own, z = head[there], platform.distance
+    in_head[there] = in_heads(platform.adjusted, own, place[there], z)
+    design[there, :, own] = composed(platform.adjusted, own, in_head[there], z).of_rotation
+    return in_head, design.reshape(len(place), 2, -1)
+
+
+def _with_correlation(design: Floats, covariance: Floats) -> Floats:
+    """σ of x and y (n, 2) and their correlation, as (n, 3), of quantities with derivatives (n, 2, k)."""
+    spread = design @ covariance @ np.swapaxes(design, 1, 2)
+    sigma = np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
+    return np.column_stack([sigma, spread[:, 0, 1] / sigma.prod(axis=1)])
 
 
 def _middles(half: float, cell: float) -> Floats:

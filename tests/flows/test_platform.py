@@ -13,7 +13,7 @@ import scipy.stats
 
 from adjust.arrays import Floats
 from adjust.calibration.platform import joint_test, with_mean_rotation
-from adjust.camera.virtual_image import PlatformHeads, composed
+from adjust.camera.virtual_image import PlatformHeads, composed, in_heads
 from adjust.geometry import rotation
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
@@ -103,6 +103,43 @@ def test_the_map_leads_from_the_virtual_image_to_the_pictures_of_the_heads(calib
     found = composed(platform.adjusted, head, picture, platform.distance).xy
     np.testing.assert_allclose(found, grid[["x_mm", "y_mm"]].to_numpy() * 1e-3, atol=1e-9)
     assert np.all(np.abs(picture) <= platform.adjusted.half_format[head] * 1.01)
+
+
+def test_errors_of_the_map_and_of_steps_between_heads_are_those_of_the_joint_covariance(
+    calibrated: Path,
+) -> None:
+    """Platforms drawn from the covariance, composed exactly: σ, correlation, steps in the overlaps."""
+    grid, platform = pd.read_parquet(calibrated / "virtual_image.parquet"), platform_of(calibrated)
+    grid = grid[grid["next_head"].notna()]
+    assert 30 < len(grid) < 400
+    assert (grid["head"] != grid["next_head"]).all()
+    values, vectors = np.linalg.eigh(platform.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    random, draws = np.random.default_rng(2), 3000
+    place = grid[["x_mm", "y_mm"]].to_numpy() * 1e-3
+    both = [
+        np.array([platform.head.index(name) for name in grid[column]]) for column in ("head", "next_head")
+    ]
+    pictures = [in_heads(platform.adjusted, head, place, platform.distance) for head in both]
+    first, step = np.empty((draws, *place.shape)), np.empty((draws, *place.shape))
+    for draw in range(draws):
+        drawn = platform.adjusted.turned((root @ random.standard_normal(len(root))).reshape(-1, 3))
+        one, other = (
+            composed(drawn, head, picture, platform.distance).xy
+            for head, picture in zip(both, pictures, strict=True)
+        )
+        first[draw], step[draw] = one - place, one - other
+    for found, sigma, correlation in (
+        (first, "sigma_{}_um", "correlation"),
+        (step, "sigma_step_{}_um", "correlation_step"),
+    ):
+        stated = grid[[sigma.format("x"), sigma.format("y")]].to_numpy() * 1e-6
+        np.testing.assert_allclose(found.std(axis=0), stated, rtol=4.5 / np.sqrt(2 * draws))
+        own = np.array([np.corrcoef(found[:, k].T)[0, 1] for k in range(len(grid))])
+        np.testing.assert_allclose(own, grid[correlation], atol=4.5 / np.sqrt(draws))
+    # What neighbouring heads have in common is no step: without their covariance it would be other than this.
+    apart = np.sqrt(2.0) * grid[["sigma_x_um", "sigma_y_um"]].to_numpy()
+    assert np.abs(grid[["sigma_step_x_um", "sigma_step_y_um"]].to_numpy() / apart - 1.0).max() > 0.2
 
 
 def test_report_and_certificate_show_heads_platform_and_map(calibrated: Path) -> None:

@@ -64,6 +64,9 @@ def virtual_image_table(images: tuple[VirtualImage, ...]) -> Table:
         Column("largest_um", "largest", "µm"),
         Column("sigma_x_um", "largest σ x", "µm"),
         Column("sigma_y_um", "largest σ y", "µm"),
+        Column("correlation", "correlation x, y"),
+        Column("sigma_step_x_um", "largest σ of a step x", "µm"),
+        Column("sigma_step_y_um", "y", "µm"),
         Column("seam_x_um", "10 % closer: x", "µm"),
         Column("seam_y_um", "10 % closer: y", "µm"),
     )
@@ -76,14 +79,17 @@ def virtual_image_table(images: tuple[VirtualImage, ...]) -> Table:
                 *np.sqrt(np.mean(error**2, axis=0)),
                 np.hypot(*error.T).max(),
                 *own[["sigma_x_um", "sigma_y_um"]].max(),
+                own["correlation"].iloc[int(own["correlation"].abs().argmax())],
+                *own[["sigma_step_x_um", "sigma_step_y_um"]].max(),
                 *own[["seam_x_um", "seam_y_um"]].mean(),
             )
             cells = (*numbers(values[:1], 1), *numbers(values[1:], 2))
             rows.append(Row(f"{head}@{image.name}", (str(head), *cells)))
     note = (
         "RMS and largest: errors of an image composed with the given attitudes. σ: of one composed with the "
-        "calibrated attitudes. 10 % closer: mean displacement of ground at 0.9 times the distance for which "
-        "the image is composed. All points are in virtual_image.parquet."
+        "calibrated attitudes, and its strongest correlation. σ of a step: between two heads that cover the "
+        "same point, from their joint covariance. 10 % closer: mean displacement of ground at 0.9 times the "
+        "distance for which the image is composed. All points are in virtual_image.parquet."
     )
     return Table("virtual-image", "Virtual image, by head", columns, tuple(rows), note)
 

@@ -53,6 +53,18 @@ VIRTUAL_IMAGE = TableSchema(
         *_of_axes("d{}_um", "image error with the given attitudes"),
         *_of_axes("sigma_{}_um", "standard deviation from the calibrated attitudes"),
         *_of_axes("seam_{}_um", "displacement of ground that is a tenth nearer"),
+        number(
+            "correlation",
+            "",
+            "correlation of the errors along x and y (sigma_x_um, sigma_y_um)",
+            nullable=True,
+        ),
+        text("next_head", "second head that covers the point; null: none", nullable=True),
+        *_of_axes(
+            "sigma_step_{}_um",
+            "standard deviation of the step between both heads, from the joint covariance of their attitudes",
+        ),
+        number("correlation_step", "", "correlation of the step along x and y", nullable=True),
     ),
     ("platform", "x_mm", "y_mm"),
 )
