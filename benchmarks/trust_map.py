@@ -75,7 +75,7 @@ def main(file: str) -> None:
         sight = timed("images of cells", lambda: sight_of(block, result.state, ground))
         seen = np.flatnonzero(sight.rays >= 2)
         chosen = seen[:: -(-len(seen) // _SOLVED_FOR)]
-        solution = timed("joint solution", lambda: joint_solution(block, result, sight, options))
+        solution = timed("joint solution", lambda: joint_solution(result, sight))
         new = NewMeasurement(_SIGMA_M, 1.0)
         timed("accuracy", lambda: cell_accuracy(solution, ground, sight, new))
         timed("errors in the block", lambda: block_errors(solution, result, ground, sight, chosen))

@@ -21,110 +21,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Floats
 from adjust.solve import dense_algebra, front_kernel
 from adjust.solve.covisibility import Covisibility
-from adjust.solve.dissection import LARGEST_PART, Dissection, dissect
+from adjust.solve.distant_pairs import DistantPairs
+from adjust.solve.fronts import FactoredFront, Front, HelmertBlocking, scalars
 from adjust.solve.lanes import in_any_order
-
-
-@dataclass(frozen=True, eq=False)
-class Front:
-    """Where everything of one part is in its front, in units of exposures.
-
-    Attributes
-    ----------
-    own, rest : numbers of own and of boundary exposures.
-    images : (own + rest,) the exposures in the order of the front.
-    parent : index of the parent's front, −1 for the root.
-    height : see :class:`~adjust.solve.dissection.Part`.
-    in_parent : (rest,) place of the boundary exposures in the parent's front.
-    blocks : (k,) the pattern's blocks that are assembled here.
-    lower, upper : (k,) their row and column in the front, lower ≥ upper.
-    transposed : (k,) whether the pattern holds the transposed block.
-    """
-
-    own: int
-    rest: int
-    images: Ints
-    parent: int
-    height: int
-    in_parent: Ints
-    blocks: Ints
-    lower: Ints
-    upper: Ints
-    transposed: Bools
-
-
-@dataclass(frozen=True, eq=False)
-class HelmertBlocking:
-    """Symbolic analysis of a block: made once, used in every iteration.
-
-    Attributes
-    ----------
-    pattern : which exposure blocks there are.
-    fronts : in the order of elimination.
-    """
-
-    pattern: Covisibility
-    fronts: tuple[Front, ...]
-
-    @classmethod
-    def of(cls, pattern: Covisibility, position: Floats, largest_part: int = LARGEST_PART) -> HelmertBlocking:
-        """Analyse a pattern; positions (n, 3) and the largest part only steer the cuts."""
-        return cls(pattern, _fronts(pattern, dissect(pattern, position, largest_part)))
-
-    def levels(self) -> list[list[int]]:
-        """Indices of the fronts by height, the parts without children first."""
-        top = max(front.height for front in self.fronts)
-        levels: list[list[int]] = [[] for _ in range(top + 1)]
-        for index, front in enumerate(self.fronts):
-            levels[front.height].append(index)
-        return levels
-
-
-@dataclass(frozen=True, eq=False)
-class FactoredFront:
-    """L (p, p), of which the lower triangle counts, and M (q, p) of one front, Fortran order."""
-
-    lower: Floats
-    below: Floats
-
-
-def _fronts(pattern: Covisibility, dissection: Dissection) -> tuple[Front, ...]:
-    """Place every block of the pattern and every boundary in the fronts."""
-    parts, rank = dissection.parts, dissection.rank
-    part_of_rank = np.repeat(np.arange(len(parts)), [len(part.own) for part in parts])
-    row, column = pattern.row, pattern.column
-    first = np.minimum(rank[row], rank[column])
-    owner = part_of_rank[first]
-    order = np.argsort(owner, kind="stable")
-    starts = np.searchsorted(owner[order], np.arange(len(parts) + 1))
-    place = np.empty(pattern.events, dtype=np.int64)
-    images = [np.concatenate([part.own, part.boundary]) for part in parts]
-    fronts = []
-    for index, part in enumerate(parts):
-        mine = order[starts[index] : starts[index + 1]]
-        place[images[index]] = np.arange(len(images[index]))
-        at_row, at_column = place[row[mine]], place[column[mine]]
-        if part.parent >= 0:
-            place[images[part.parent]] = np.arange(len(images[part.parent]))
-        fronts.append(
-            Front(
-                own=len(part.own),
-                rest=len(part.boundary),
-                images=images[index],
-                parent=part.parent,
-                height=part.height,
-                in_parent=place[part.boundary] if part.parent >= 0 else np.empty(0, dtype=np.int64),
-                blocks=mine,
-                lower=np.maximum(at_row, at_column),
-                upper=np.minimum(at_row, at_column),
-                # Block (i, j) of the pattern is at row i; below the diagonal it is transposed.
-                transposed=at_row < at_column,
-            )
-        )
-    return tuple(fronts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,11 +114,21 @@ class HelmertFactor:
         """Normal matrix (g, g) of the system parameters, exposures eliminated: N = L_gg L_ggᵀ without D."""
         return np.asarray(self._last @ self._last.T / (self.scale_border[:, None] * self.scale_border))
 
-    def inverse(self) -> tuple[Floats, Floats, Floats]:
-        """Blocks of S⁻¹: (blocks, 6, 6) on the pattern, (n, 6, g) border, (g, g) corner."""
+    def inverse(self, pattern: Covisibility | None = None) -> tuple[Floats, Floats, Floats]:
+        """Blocks of S⁻¹: (blocks, 6, 6) on a pattern, (n, 6, g) border, (g, g) corner.
+
+        Parameters
+        ----------
+        pattern : which blocks are wanted, diagonal first; None: those of the normal equations.
+        """
         analysis, scale, of_border = self.analysis, self.scale_exposure, self.scale_border
         n, g = analysis.pattern.events, len(of_border)
-        blocks = np.empty((len(analysis.pattern.column), 6, 6))
+        pattern = pattern or analysis.pattern
+        held, missing = analysis.placed(pattern)
+        lifted = DistantPairs.of(analysis, pattern, missing).lifted(
+            analysis.fronts, self.factors, self.threads
+        )
+        blocks = np.empty((len(pattern.column), 6, 6))
         border = np.empty((n, 6, g))
         corner = np.empty((g, g))
         inverses: dict[int, Floats] = {}
@@ -226,9 +138,11 @@ class HelmertFactor:
             known = None if front.parent < 0 else inverses[front.parent]
             z = _front_inverse(front, factor, known, g)
             inverses[index] = z
+            at = held[index]
             front_kernel.disassemble(
-                z.T, front.blocks, front.lower, front.upper, front.transposed, front.images, scale, blocks
+                z.T, at.blocks, at.lower, at.upper, at.transposed, front.images, scale, blocks
             )
+            lifted.fill(index, z, scale, blocks)
             own, size = front.images[: front.own], 6 * (front.own + front.rest)
             of_own = z[size:, : 6 * front.own].T.reshape(front.own, 6, g)
             border[own] = scale[own][:, :, None] * of_own * of_border
@@ -258,18 +172,12 @@ def _front_inverse(front: Front, factor: FactoredFront, known: Floats | None, bo
     square, side, rest = inverse[:p, :p], inverse[p:, :p], inverse[p:, p:]
     dense_algebra.invert_square(factor.lower, square)
     if known is not None and q > 0:
-        front_kernel.gather(known.T, _scalars(front.in_parent, known.shape[0], border), inverse.T, p)
+        front_kernel.gather(known.T, scalars(front.in_parent, known.shape[0], border), inverse.T, p)
         # G = M L⁻¹; with it Z21 = −Z22 G and Z11 = (L Lᵀ)⁻¹ − Gᵀ Z21.
         gain = dense_algebra.times_inverse(factor.below, factor.lower)
         dense_algebra.negative_product(rest, gain, side)
         dense_algebra.subtract_product(square, gain, side)
     return inverse
-
-
-def _scalars(exposures: Ints, size: int, border: int) -> Ints:
-    """Scalar indices of exposures in a front of the given size, and of its system parameters."""
-    six = (6 * exposures[:, None] + np.arange(6)).ravel()
-    return np.concatenate([six, np.arange(size - border, size)])
 
 
 def factorize_blocks(
@@ -300,12 +208,12 @@ def factorize_blocks(
             children[front.parent].append(index)
 
     def work(index: int) -> None:
-        front = fronts[index]
+        front, held = fronts[index], fronts[index].held
         size = 6 * (front.own + front.rest) + g
         p = 6 * front.own + (g if front.parent < 0 else 0)
         columns, rest = np.zeros((size, p), order="F"), np.zeros((size - p, size - p), order="F")
         front_kernel.assemble(
-            columns.T, blocks, front.blocks, front.lower, front.upper, front.transposed, front.images,
+            columns.T, blocks, held.blocks, held.lower, held.upper, held.transposed, front.images,
             scale_exposure,
         )  # fmt: skip
         own = front.images[: front.own]
@@ -314,7 +222,7 @@ def factorize_blocks(
         if front.parent < 0:
             columns[size - g :, 6 * front.own :] = scale_border[:, None] * corner * scale_border
         for child in children[index]:
-            at = _scalars(fronts[child].in_parent, size, g)
+            at = scalars(fronts[child].in_parent, size, g)
             front_kernel.extend(columns.T, rest.T, left.pop(child).T, at)
         if dense_algebra.factorize_columns(columns):
             below = columns[p:]

@@ -17,7 +17,7 @@ from adjust.observations.base import Linearization
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout, State
 from adjust.solve import reduction_kernel
 from adjust.solve.covisibility import Covisibility
-from adjust.solve.helmert_blocking import HelmertBlocking
+from adjust.solve.fronts import HelmertBlocking
 from adjust.solve.joined_points import Couplings, Joins
 from adjust.solve.lanes import Lane, in_any_order, lanes
 from adjust.solve.reduction import Sums, reduce_image_points

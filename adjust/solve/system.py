@@ -15,7 +15,7 @@ from adjust.observations.distance import Distances
 from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, InnerConstraints, ParameterLayout, State
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
-from adjust.solve.helmert_blocking import HelmertBlocking
+from adjust.solve.fronts import HelmertBlocking
 from adjust.solve.joined_points import joined_points
 from adjust.solve.lanes import Lane
 from adjust.solve.ray_columns import RayColumns, ray_columns

@@ -3,9 +3,8 @@
     M = Σ A_XᵀA_X,    F = −M⁻¹ Σ A_XᵀA_z,    C_X = M⁻¹ + σ0² F Q_zz Fᵀ
 
 with the whitened rays of the new point and z, the orientations of its images and the system parameters. Q_zz
-needs the block of every pair of images that see a cell. Most of them have common object points, so that the
-selected inverse of the adjustment holds them. The others are put into its pattern, empty, and
-factorisation and selected inverse are made once more: nothing is taken as zero.
+needs the block of every pair of images that see a cell, also of those without a common object point: the
+factorised normal equations of the adjustment give all of them, and nothing is taken as zero.
 """
 
 from __future__ import annotations
@@ -15,11 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats, Ints
-from adjust.block import Block
 from adjust.errors import InconsistentBlockError
 from adjust.observations.image_point import ImagePoints
 from adjust.one_thread import one_thread
-from adjust.options import AdjustmentOptions
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
     INTERIOR_ORIENTATION,
@@ -29,11 +26,10 @@ from adjust.parameters import (
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.result import AdjustmentResult
-from adjust.solve.factorization import Factorization, ReducedCofactor, factorize
-from adjust.solve.helmert_blocking import HelmertBlocking
+from adjust.solve.covisibility import Covisibility
+from adjust.solve.factorization import Factorization, ReducedCofactor
 from adjust.solve.lanes import in_any_order
-from adjust.solve.normal_equations import reduced_normals
-from adjust.solve.system import Observations, System
+from adjust.solve.system import System
 from adjust.trust_map import accuracy_kernel, pairs_kernel
 from adjust.trust_map.cells import GroundCells, Sight
 
@@ -82,24 +78,29 @@ class CellAccuracy:
 
 @dataclass(frozen=True, eq=False)
 class JointSolution:
-    """The normal equations of an adjusted block on the pattern of all pairs that see a cell, factorised.
+    """The factorised normal equations of an adjusted block, and all pairs of images that see a common cell.
 
     Attributes
     ----------
     system : with the observations that were used.
     state : adjusted values.
     factorization : of the reduced normal equations.
-    added_pairs : number of pairs of images that see a cell without a common object point.
+    pattern : the pairs with a common object point, and those that see a common cell.
     """
 
     system: System
     state: State
     factorization: Factorization
-    added_pairs: int
+    pattern: Covisibility
+
+    @property
+    def added_pairs(self) -> int:
+        """Number of pairs of images that see a cell without a common object point."""
+        return len(self.pattern.column) - len(self.system.pattern.column)
 
     def cofactor(self) -> ReducedCofactor:
         """Cofactors of all pairs, with the columns of system parameters alone."""
-        found, g = self.factorization.cofactor(), self.system.layout.border
+        found, g = self.factorization.cofactor(self.pattern), self.system.layout.border
         return replace(
             found,
             border=np.ascontiguousarray(found.border[:, :, :g]),
@@ -107,26 +108,18 @@ class JointSolution:
         )
 
 
-def joint_solution(
-    block: Block, result: AdjustmentResult, sight: Sight, options: AdjustmentOptions
-) -> JointSolution:
-    """The adjusted block with every pair of images that see a common cell in its pattern."""
-    if block.rig is not None:
+def joint_solution(result: AdjustmentResult, sight: Sight) -> JointSolution:
+    """The normal equations of an adjusted block, with every pair of images that see a common cell."""
+    if result.block.rig is not None:
         raise InconsistentBlockError("The trust map does not support rigs.")
-    rays, *others = (group.taking_part for group in result.groups)
-    assert isinstance(rays, ImagePoints)  # the first group of every result
-    given = System.of(block, Observations(rays, tuple(others)), options.threads, options.free_network)
-    pattern, n = given.pattern, len(block.images)
+    system, n = result.system, len(result.block.images)
+    pattern = system.pattern
     keys = np.unique(
         pairs_kernel.missing_pairs(sight.start, sight.image, pattern.row_start, pattern.column, n)
     )
-    extended = pattern.with_pairs(*np.divmod(keys, n))
-    system = given
-    if extended is not pattern:
-        system = replace(given, blocking=HelmertBlocking.of(extended, block.projection_centre))
-    with one_thread():
-        factorization = factorize(reduced_normals(system, result.state), options.threads)
-    return JointSolution(system, result.state, factorization, len(keys))
+    return JointSolution(
+        system, result.state, result.solution.factorization, pattern.with_pairs(*np.divmod(keys, n))
+    )
 
 
 def cell_accuracy(

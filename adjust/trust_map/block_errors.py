@@ -89,7 +89,7 @@ def block_errors(
     found = BlockErrors(np.zeros((len(chosen), 3)), np.zeros((len(chosen), 3)))
     with one_thread():
         mixed = mixed_parts(system, solved, points)
-        around = images_around(sight.only(chosen), system.pattern)
+        around = images_around(sight.only(chosen), solution.pattern)
         rays = BlockRays.seen_from(around.image, solution, result.groups[0])
         together = max(_NUMBERS_AT_ONCE // (18 * system.layout.events), _LEAST_TOGETHER)
         for first in range(0, len(chosen), together):

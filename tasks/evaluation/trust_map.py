@@ -10,7 +10,6 @@ import numpy as np
 
 from adjust.arrays import Floats, Ints
 from adjust.observations.image_point import ImagePoints
-from adjust.options import AdjustmentOptions
 from adjust.trust_map.accuracy import CellAccuracy, NewMeasurement, cell_accuracy, joint_solution
 from adjust.trust_map.block_errors import BlockErrors, block_errors
 from adjust.trust_map.cells import Sight, sight_of
@@ -28,9 +27,7 @@ _PIECE = 50_000
 _SOLVED_FOR = 300
 
 
-def write_trust_map(
-    folder: Path, adjusted: AdjustedBlock, settings: TrustMapSettings, options: AdjustmentOptions
-) -> TrustMapGrid | None:
+def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSettings) -> TrustMapGrid | None:
     """trust_map_cells.parquet: accuracy and reliability of a new point in every cell that two images see.
 
     Returns
@@ -52,7 +49,7 @@ def write_trust_map(
         return None
     ground = cells.ground(adjusted)
     sigma = new_sigma(adjusted, settings)
-    solution = joint_solution(adjusted.block, result, sight, options)
+    solution = joint_solution(result, sight)
     measurement = NewMeasurement(sigma, adjusted.sigma0)
     accuracy = cell_accuracy(solution, ground, sight, measurement, result.cofactor.considered)
     chosen = cells.spread(_SOLVED_FOR)

@@ -102,7 +102,7 @@ def write_adjusted_bundle(
     notes = _written(folder, prepared, estimated, adjustment)
     write_neighbouring_images(folder, estimated.adjusted, delivered.exposures)
     if trust_map is not None:
-        notes = _with_trust_map(folder, notes, estimated.adjusted, trust_map, adjustment)
+        notes = _with_trust_map(folder, notes, estimated.adjusted, trust_map)
     write_notes(folder, notes)
     if calibrated is not None:
         parameters, correlations = (read_table(table) for table in calibrated)
@@ -201,10 +201,9 @@ def _with_trust_map(
     notes: Notes,
     adjusted: AdjustedBlock,
     trust_map: TrustMapSettings,
-    settings: AdjustmentSettings,
 ) -> Notes:
     """Write the cells of the trust map; returns the notes with its grid."""
-    grid = write_trust_map(folder, adjusted, trust_map, _options(settings))
+    grid = write_trust_map(folder, adjusted, trust_map)
     return replace(
         notes, figures={**notes.figures, "trust_map_grid": None if grid is None else grid.to_json()}
     )

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.dissection import dissect
-from adjust.solve.helmert_blocking import HelmertBlocking, factorize_blocks
+from adjust.solve.fronts import HelmertBlocking
+from adjust.solve.helmert_blocking import factorize_blocks
 
 
 def flight(strips: int, length: int, reach: int) -> tuple[Covisibility, np.ndarray]:
@@ -68,15 +69,15 @@ def check(
     np.testing.assert_allclose(flat.T @ flat, many.T @ solved, rtol=1e-10, atol=1e-13)
     np.testing.assert_allclose(factor.border_of(halfway[1]), solved[6 * n :], rtol=1e-9, atol=1e-12)
     inverse = np.linalg.inv(matrix)
-    found, found_border, found_corner = factor.inverse()
-    for block, i, j in zip(found, pattern.row, pattern.column, strict=True):
+    for wanted in (None, pattern_of(np.ones((n, n), dtype=bool))):
+        found, found_border, found_corner = factor.inverse(wanted)
+        every = wanted or pattern
+        expected = inverse[: 6 * n, : 6 * n].reshape(n, 6, n, 6)[every.row, :, every.column]
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-14)
         np.testing.assert_allclose(
-            block, inverse[6 * i : 6 * i + 6, 6 * j : 6 * j + 6], rtol=1e-10, atol=1e-14
+            found_border.reshape(6 * n, border), inverse[: 6 * n, 6 * n :], rtol=1e-10, atol=1e-14
         )
-    np.testing.assert_allclose(
-        found_border.reshape(6 * n, border), inverse[: 6 * n, 6 * n :], rtol=1e-10, atol=1e-14
-    )
-    np.testing.assert_allclose(found_corner, inverse[6 * n :, 6 * n :], rtol=1e-10, atol=1e-14)
+        np.testing.assert_allclose(found_corner, inverse[6 * n :, 6 * n :], rtol=1e-10, atol=1e-14)
 
 
 @pytest.mark.parametrize("largest_part", [1, 3, 10, 1000])
@@ -152,7 +153,8 @@ def test_the_number_of_threads_does_not_change_a_bit() -> None:
             analysis, blocks, of_border, corner, np.ones((pattern.events, 6)), np.ones(5), threads
         )
         assert factor is not None
-        results.append(b"".join(part.tobytes() for part in factor.inverse()))
+        of_all = factor.inverse(pattern_of(np.ones((200, 200), dtype=bool)))
+        results.append(b"".join(part.tobytes() for part in (*factor.inverse(), *of_all)))
     assert results[0] == results[1] == results[2]
 
 

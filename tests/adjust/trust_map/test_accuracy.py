@@ -63,7 +63,7 @@ class Mapped:
         result = adjust_block(scene.block, scene.observations, options)
         cells = cells_over(scene.truth.object_point, 9, 7)
         sight = sight_of(scene.block, result.state, cells)
-        solution = joint_solution(scene.block, result, sight, options)
+        solution = joint_solution(result, sight)
         accuracy = cell_accuracy(solution, cells, sight, MEASURED, result.cofactor.considered)
         return cls(scene, result, cells, sight, solution, accuracy)
 

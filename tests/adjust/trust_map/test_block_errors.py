@@ -13,7 +13,6 @@ from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
-from adjust.options import AdjustmentOptions
 from adjust.parameters import INTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.solve.system import Observations
@@ -79,7 +78,7 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
     result = adjust_block(scene.block, scene.observations)
     cells = cells_over(scene.truth.object_point, 5, 5)
     sight = sight_of(scene.block, result.state, cells)
-    solution = joint_solution(scene.block, result, sight, AdjustmentOptions())
+    solution = joint_solution(result, sight)
     chosen = np.flatnonzero(sight.rays >= 3)[::3]
     found = block_errors(solution, result, cells, sight, chosen)
 
@@ -107,7 +106,7 @@ def test_the_largest_effect_of_an_image_point_is_that_of_an_adjustment_with_the_
     result = adjust_block(scene.block, scene.observations)
     cells = cells_over(scene.truth.object_point, 5, 5)
     sight = sight_of(scene.block, result.state, cells)
-    solution = joint_solution(scene.block, result, sight, AdjustmentOptions())
+    solution = joint_solution(result, sight)
     chosen = np.flatnonzero(sight.rays == sight.rays.max())[:2]
     found = block_errors(solution, result, cells, sight, chosen)
 

@@ -13,7 +13,6 @@ import pytest
 
 from adjust.adjustment import adjust_block, estimate_block
 from adjust.arrays import Floats, Ints
-from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, INTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
@@ -92,7 +91,7 @@ class Trials:
         block = simulated.block(case.free)
         result = adjust_block(block, simulated.observations(block, case.without))
         sight = sight_of(block, simulated.true_state(), cells)
-        solution = joint_solution(block, result, sight, AdjustmentOptions())
+        solution = joint_solution(result, sight)
         accuracy = cell_accuracy(solution, cells, sight, NewMeasurement(SIGMA, 1.0))
         common = in_common_images(sight)
         absolute, relative = [], []

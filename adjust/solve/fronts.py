@@ -1,0 +1,167 @@
+"""The fronts of Helmert blocking: which exposures and which blocks of a pattern stand where.
+
+Symbolic analysis only; `helmert_blocking` does the arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Bools, Floats, Ints
+from adjust.solve.covisibility import Covisibility
+from adjust.solve.dissection import LARGEST_PART, Dissection, dissect
+
+
+@dataclass(frozen=True, eq=False)
+class HeldBlocks:
+    """Blocks of a pattern that a front holds.
+
+    Attributes
+    ----------
+    blocks : (k,) which ones.
+    lower, upper : (k,) their row and column in the front, lower ≥ upper, in exposures.
+    transposed : (k,) whether the pattern holds the transposed block.
+    """
+
+    blocks: Ints
+    lower: Ints
+    upper: Ints
+    transposed: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """Where everything of one part is in its front, in units of exposures.
+
+    Attributes
+    ----------
+    own, rest : numbers of own and of boundary exposures.
+    images : (own + rest,) the exposures in the order of the front.
+    parent : index of the parent's front, −1 for the root.
+    height : see :class:`~adjust.solve.dissection.Part`.
+    in_parent : (rest,) place of the boundary exposures in the parent's front.
+    held : the pattern's blocks that are assembled here.
+    """
+
+    own: int
+    rest: int
+    images: Ints
+    parent: int
+    height: int
+    in_parent: Ints
+    held: HeldBlocks
+
+
+@dataclass(frozen=True, eq=False)
+class HelmertBlocking:
+    """Symbolic analysis of a block: made once, used in every iteration.
+
+    Attributes
+    ----------
+    pattern : which exposure blocks there are.
+    fronts : in the order of elimination.
+    """
+
+    pattern: Covisibility
+    fronts: tuple[Front, ...]
+
+    @classmethod
+    def of(cls, pattern: Covisibility, position: Floats, largest_part: int = LARGEST_PART) -> HelmertBlocking:
+        """Analyse a pattern; positions (n, 3) and the largest part only steer the cuts."""
+        return cls(pattern, _fronts(pattern, dissect(pattern, position, largest_part)))
+
+    def levels(self) -> list[list[int]]:
+        """Indices of the fronts by height, the parts without children first."""
+        top = max(front.height for front in self.fronts)
+        levels: list[list[int]] = [[] for _ in range(top + 1)]
+        for index, front in enumerate(self.fronts):
+            levels[front.height].append(index)
+        return levels
+
+    def placed(self, pattern: Covisibility) -> tuple[list[HeldBlocks], Ints]:
+        """Where the blocks of another pattern are in every front, and the blocks (k,) that no front holds."""
+        if pattern is self.pattern:
+            return [front.held for front in self.fronts], np.zeros(0, dtype=np.int64)
+        images = [front.images for front in self.fronts]
+        found, missing = list[HeldBlocks](), [np.zeros(0, dtype=np.int64)]
+        for held in _held(pattern, images, [front.own for front in self.fronts]):
+            there = held.upper >= 0
+            missing.append(held.blocks[~there])
+            found.append(
+                HeldBlocks(held.blocks[there], held.lower[there], held.upper[there], held.transposed[there])
+            )
+        return found, np.sort(np.concatenate(missing))
+
+    @property
+    def front_of(self) -> Ints:
+        """(n,) the front in which each exposure is eliminated."""
+        found = np.empty(self.pattern.events, dtype=np.int64)
+        for index, front in enumerate(self.fronts):
+            found[front.images[: front.own]] = index
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class FactoredFront:
+    """L (p, p), of which the lower triangle counts, and M (q, p) of one front, Fortran order."""
+
+    lower: Floats
+    below: Floats
+
+
+def _fronts(pattern: Covisibility, dissection: Dissection) -> tuple[Front, ...]:
+    """Place every block of the pattern and every boundary in the fronts."""
+    parts = dissection.parts
+    images = [np.concatenate([part.own, part.boundary]) for part in parts]
+    every = _held(pattern, images, [len(part.own) for part in parts])
+    place = np.empty(pattern.events, dtype=np.int64)
+    fronts = []
+    for index, (part, held) in enumerate(zip(parts, every, strict=True)):
+        if part.parent >= 0:
+            place[images[part.parent]] = np.arange(len(images[part.parent]))
+        fronts.append(
+            Front(
+                own=len(part.own),
+                rest=len(part.boundary),
+                images=images[index],
+                parent=part.parent,
+                height=part.height,
+                in_parent=place[part.boundary] if part.parent >= 0 else np.empty(0, dtype=np.int64),
+                held=held,
+            )
+        )
+    return tuple(fronts)
+
+
+def _held(pattern: Covisibility, images: Sequence[Ints], own: Sequence[int]) -> Iterator[HeldBlocks]:
+    """The blocks of each front in the order of elimination: those of the exposures it eliminates first.
+
+    An exposure that is not in the front has the place −1 there.
+    """
+    eliminated = np.concatenate([of[:count] for of, count in zip(images, own, strict=True)])
+    rank = np.empty(pattern.events, dtype=np.int64)
+    rank[eliminated] = np.arange(len(rank))
+    part_of_rank = np.repeat(np.arange(len(own)), own)
+    row, column = pattern.row, pattern.column
+    owner = part_of_rank[np.minimum(rank[row], rank[column])]
+    order = np.argsort(owner, kind="stable")
+    starts = np.searchsorted(owner[order], np.arange(len(own) + 1))
+    place = np.full(pattern.events, -1, dtype=np.int64)
+    for index, of in enumerate(images):
+        mine = order[starts[index] : starts[index + 1]]
+        place[of] = np.arange(len(of))
+        at_row, at_column = place[row[mine]], place[column[mine]]
+        place[of] = -1
+        # Block (i, j) of the pattern is at row i; below the diagonal it is transposed.
+        yield HeldBlocks(
+            mine, np.maximum(at_row, at_column), np.minimum(at_row, at_column), at_row < at_column
+        )
+
+
+def scalars(exposures: Ints, size: int, border: int) -> Ints:
+    """Scalar indices of exposures in a front of the given size, and of its system parameters."""
+    six = (6 * exposures[:, None] + np.arange(6)).ravel()
+    return np.concatenate([six, np.arange(size - border, size)])
