@@ -56,15 +56,18 @@ def _as_json(found: Examination) -> JSON:
 
 def _show(found: Examination) -> None:
     console = Console()
-    problems = [sentence for finding in found.findings for sentence in finding.problems]
+    listed = {mistake.what for mistake in found.mistakes}
+    problems = [one for finding in found.findings for one in finding.problems if one not in listed]
     if found.refusal is None:
-        word = "nothing looks wrong" if not (problems or found.mistakes) else f"{len(problems)} remark(s)"
-        console.print(Text(f"\nThe project can be read: {word}.", style="bold"))
+        clean = ": nothing looks wrong" if not (problems or found.mistakes) else ""
+        console.print(Text(f"\nThe project can be read{clean}.", style="bold"))
     if found.mistakes:
         count = len(found.mistakes)
-        console.print(Text(f"\n{count} mistake{'s' if count > 1 else ''} found:", style="bold"))
+        console.print(Text(f"\n{count} possible mistake{'s' if count > 1 else ''}:", style="bold"))
     for number, mistake in enumerate(found.mistakes, start=1):
         _show_mistake(console, number, mistake)
+    if problems:
+        console.print(Text("\nRemarks:", style="bold"))
     for sentence in problems:
         console.print(Text(f"• {sentence}", style="yellow"))
     for finding in found.findings:

@@ -11,17 +11,17 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE
 from tasks.inventory.folder import Inventory, begin_project
-from tasks.inventory.recognition import rows_of
+from tasks.inventory.recognition import Content, rows_of
 
 _KINDS = {
-    "camera": "cameras",
-    "exposures": "exposures",
-    "image_points": "image points",
-    "control": "control points",
-    "distances": "distances",
-    "trajectory": "samples of a trajectory",
-    "accuracy": "accuracies of a trajectory",
-    "events": "times of exposures",
+    "camera": ("camera", "cameras"),
+    "exposures": ("exposure", "exposures"),
+    "image_points": ("image point", "image points"),
+    "control": ("control point", "control points"),
+    "distances": ("distance", "distances"),
+    "trajectory": ("sample of a trajectory", "samples of a trajectory"),
+    "accuracy": ("accuracy of a trajectory", "accuracies of a trajectory"),
+    "events": ("time of an exposure", "times of exposures"),
 }
 
 
@@ -32,9 +32,9 @@ def initiate(folder: Path) -> int:
     console.print(_table(found))
     console.print(Text(f"{found.project_file} was written.", style="bold"), soft_wrap=True)
     if found.open_values:
-        word = "value is" if found.open_values == 1 else "values are"
+        word = "value" if found.open_values == 1 else "values"
         console.print(
-            Text(f"{found.open_values} {word} to be declared: look for DECLARE. Then: aerocal doctor."),
+            Text(f"{found.open_values} {word} must be declared: look for DECLARE. Then: aerocal doctor."),
             soft_wrap=True,
         )
     return DONE
@@ -49,6 +49,12 @@ def _table(found: Inventory) -> Table:
             table.add_row(name, "–", Text(file.remark))
             continue
         formats = ", ".join(dict.fromkeys(content.format for content in file.contents))
-        what = ", ".join(f"{rows_of(content.records):,} {_KINDS[content.kind]}" for content in file.contents)
+        what = ", ".join(map(_counted, file.contents))
         table.add_row(name, formats, what)
     return table
+
+
+def _counted(content: Content) -> str:
+    """How many of what a file contains: ``1 camera``, ``84 control points``."""
+    count = rows_of(content.records)
+    return f"{count:,} {_KINDS[content.kind][count != 1]}"

@@ -124,8 +124,8 @@ def _story_flow(story: StoryName, description: str) -> "Flow[..., State[None]]":
         """Run the story.
 
         Args:
-            project: The project file or its folder; absolute, or as seen from a folder of this server.
-            settings: What shall differ from the project file.
+            project: The project file or its folder; absolute, or relative to a folder of this server.
+            settings: Settings that differ from the project file.
             output: Name of the folder of the results, next to the project file.
         """
         return _confined(story, project, settings, output)
@@ -170,7 +170,7 @@ def image_quality(project: ProjectParameter, output: OutputParameter = "image-qu
     """Examine the images that a file with a table [image_quality] names.
 
     Args:
-        project: The file or its folder; absolute, or as seen from a folder of this server.
+        project: The file or its folder; absolute, or relative to a folder of this server.
         output: Name of the folder of the results, beside the file.
     """
     return _confined("image_quality", project, AS_IN_PROJECT, output, ExaminationRequest)

@@ -54,7 +54,7 @@ class SharedPoints:
             f"{len(alone):,} of {len(shared):,} pairs of neighbouring images share hardly any image "
             f"points, where {usual:.0f} are usual. First: '{one}' ({shared[first]} shared) and '{other}' "
             f"of strip {self._strip[first]}. The file of image points may be incomplete, unless there is "
-            "water.",
+            "water, or the exposures extend beyond the block.",
         )
 
 

@@ -2,6 +2,7 @@
 
 | element | meaning |
 |---|---|
+| ``name`` | name of the camera, as orientations call it |
 | ``usefull-frame/rect/w, h`` | size of the image, px |
 | ``pixel_size`` | side of a pixel, m |
 | ``focal/pt3d/x, y`` | principal point, px from the top left corner, y downwards |
@@ -24,6 +25,11 @@ from tasks.magnitude import LARGEST, MOST_PIXELS, SMALLEST
 _LENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*mm", re.IGNORECASE)
 # A lens is called by its nominal focal length, which the calibrated one keeps to some percent.
 _LENS_TOLERANCE = 0.05
+
+
+def read_ign_cameras(path: Path) -> dict[str, CameraRecord]:
+    """Read the only camera of a file, by its name; raises the errors of `read_ign_camera`."""
+    return {(parsed_xml(path).findtext("name") or "").strip(): read_ign_camera(path)}
 
 
 def read_ign_camera(path: Path) -> CameraRecord:

@@ -27,7 +27,7 @@ from tasks.formats.colmap_database import (
     read_colmap_database_image_points,
 )
 from tasks.formats.dji import read_mrk_events, read_mrk_exposures
-from tasks.formats.ign_camera import read_ign_camera
+from tasks.formats.ign_camera import read_ign_cameras
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
 from tasks.formats.inpho import (
     read_inpho_cameras,
@@ -186,7 +186,7 @@ _DISTANCE_FORMATS: dict[str, DistanceReader] = {TABLE: read_csv_distances, "opf"
 DISTANCE_FORMATS = Extended("distances", _DISTANCE_FORMATS, trouble_of_function)
 _CAMERA_FORMATS: dict[str, CameraReader] = {
     TABLE: read_csv_cameras,
-    "ign-xml": lambda path: {"": read_ign_camera(path)},
+    "ign-xml": read_ign_cameras,
     "inpho": read_inpho_cameras,
     "isat": read_isat_cameras,
     "metashape": read_metashape_cameras,

@@ -123,7 +123,9 @@ def _section(
             "focal_length_mm": open_value("principal distance, mm"),
             "principal_point_mm": open_value("[x, y] from the centre of the image, mm"),
         }
-        return CameraSection(name, {**values, **mounting}, ("No camera file was found.",))
+        none = f"No file has a camera of this name; found: {_listed(delivered)}."
+        remark = none if delivered else "No camera file was found."
+        return CameraSection(name, {**values, **mounting}, (remark,))
     one = found[0]
     values = {"file": one.file.relative_to(folder).as_posix(), "format": one.format}
     if one.number > 1:
@@ -132,9 +134,13 @@ def _section(
     if isinstance(one.camera, PixelCamera):
         values["pixel_um"] = open_value("pixel size, µm; the file gives the camera in pixels")
     if len(found) > 1:
-        others = ", ".join(f"{two.file.name} ({two.name})" for two in found[1:_MOST_LISTED])
-        remarks.append(f"Also found: {others}.")
+        remarks.append(f"Also found: {_listed(found[1:])}.")
     return CameraSection(name, {**values, **mounting}, tuple(remarks))
+
+
+def _listed(delivered: Sequence[_Delivered]) -> str:
+    """The first cameras with their files."""
+    return ", ".join(f"{one.file.name} ({one.name})" for one in delivered[:_MOST_LISTED])
 
 
 def _described(camera: CameraRecord | PixelCamera) -> str:

@@ -77,7 +77,9 @@ def misfit_words(group: GroupFigure) -> str | None:
 
 def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
     """What was rejected as gross errors, and what could not be tested."""
-    counts = [f"{group.rejected:,} {group_words(group.group)}" for group in figures.groups if group.rejected]
+    counts = [
+        f"{group_words(group.group)} ({group.rejected:,})" for group in figures.groups if group.rejected
+    ]
     if figures.critical_value is not None and counts:
         taken_back = figures.taken_back
         back = f"; {taken_back:,} that had been rejected were accepted again" if taken_back else ""

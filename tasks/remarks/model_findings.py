@@ -17,18 +17,21 @@ class _Kind:
     """One kind of alternative: its words, what to check, and its axes where it is not a kind of parameters.
 
     ``place``: its axes are east, north and up, and its size is said as "too far west" or "too high".
+    ``whole``: what to do first where it concerns all images alike.
     """
 
     words: str
     remedy: str
     axes: tuple[str, ...] = ()
     place: bool = False
+    whole: str = ""
 
 
 _KINDS: Mapping[str, _Kind] = {
     "lever_arm": _Kind(
         "The lever arm of camera {entity}{where} looks wrong by {size} (forward x, right y, down z)",
         "Check lever_arm_m: from the camera to the antenna, and whether the positions are reduced already.",
+        whole="If it is not known, free lever_arm (adjustment.free).",
     ),
     "time_offset": _Kind(
         "The times of the exposures{of_entity} look wrong against the positions: {size}",
@@ -38,6 +41,7 @@ _KINDS: Mapping[str, _Kind] = {
         "Camera {entity} and INS have a different relative orientation{where}: {size}",
         "Was one of them remounted, or the INS realigned? Then declare a separate camera for that flight "
         "(inputs.exposures.flights).",
+        whole="If it has not been calibrated, free boresight (adjustment.free).",
     ),
     "focal_length": _Kind(
         "The focal length of camera {entity} differs{where} by {size}",
@@ -100,7 +104,8 @@ _KINDS: Mapping[str, _Kind] = {
     ),
     "refraction": _Kind(
         "The refraction differs from the applied correction by {size} of it",
-        "Near −1 it was corrected twice: set adjustment.refraction to match the delivered image coordinates.",
+        "Near −100 % it was corrected twice: set adjustment.refraction to match the delivered image "
+        "coordinates.",
     ),
     "distortion_direction": _Kind(
         "The distortion given for camera {entity} appears to be defined in the other direction: {size} "
@@ -177,7 +182,10 @@ def _finding(
     t = _t(likeliest)
     critical = float(str(likeliest["detectable"])) / float(str(likeliest["sigma"])) - POWER
     moved_by = float(str(moving["moved_by_estimate"]))
-    moves = entity_words(str(moving["moves"]), str(moving["moves_entity"])) if moving["moves"] else ""
+    # Null where nothing is estimated that could be moved.
+    moves = (
+        entity_words(moving["moves"], str(moving["moves_entity"])) if isinstance(moving["moves"], str) else ""
+    )
     effect = f" The result is affected: {moves} is off by {moved_by:.1f} times its σ." if moves else ""
     # Components of the same thing are no other cause.
     own = {quantity_words(str(row["quantity"])) for row in rows}
@@ -190,7 +198,8 @@ def _finding(
     )
     alike = f" Nearly indistinguishable from it: {', '.join(others)}." if others else ""
     tested = f"(t = {abs(t):.1f}, critical value {critical:.1f}{runner_up})"
-    sentence = f"{text} {tested}.{alike}{effect} {words.remedy}"
+    remedy = words.remedy if part or not words.whole else f"{words.whole} {words.remedy}"
+    sentence = f"{text} {tested}.{alike}{effect} {remedy}"
     return ModelFinding(
         rank=number,
         quantity=kind,
@@ -216,7 +225,8 @@ def _size(row: Mapping[Hashable, object]) -> str:
     # The size is that of the error in what was given; an attitude is said as its residual.
     value = -value if str(row["quantity"]).startswith("ins_attitude") else value
     sign = "−" if value < 0.0 else "+"
-    return with_unit(f"{f'{axis} ' if axis else ''}{sign}{abs(value):.3g} ± {sigma:.2g}", unit)
+    size = f"{abs(value):,.0f} ± {sigma:,.0f}" if sigma >= 100.0 else f"{abs(value):.3g} ± {sigma:.2g}"
+    return with_unit(f"{f'{axis} ' if axis else ''}{sign}{size}", unit)
 
 
 _TOO = {"x": ("far east", "far west"), "y": ("far north", "far south"), "z": ("high", "low")}

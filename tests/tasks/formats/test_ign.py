@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from tasks.errors import InputError
-from tasks.formats.ign_camera import read_ign_camera
+from tasks.formats.ign_camera import read_ign_camera, read_ign_cameras
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
 
 CAMERA = """\
@@ -133,6 +135,12 @@ def test_a_camera_is_converted_from_pixels_to_millimetres_about_the_format_centr
     np.testing.assert_allclose(camera.focal_length_mm, 80.0, rtol=1e-12)
     # 10 px right of the centre and 10 px above it.
     np.testing.assert_allclose(camera.principal_point_mm, (0.04, 0.04), atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "key"), [("<name> UC-f100 </name>", "UC-f100"), ("", "")])
+def test_a_camera_is_known_by_the_name_in_its_file(file, name, key):
+    text = re.sub("<name>.*</name>", name, CAMERA)
+    assert read_ign_cameras(file(text)) == {key: read_ign_camera(file(text))}
 
 
 @pytest.mark.parametrize(

@@ -83,7 +83,7 @@ def test_rejections_name_control_points_and_given_up_points() -> None:
         given_up_points=tuple(f"P{k}" for k in range(7)),
     )
     first, points, given_up, uncontrolled = rejection_sentences(figures)
-    assert "7 image points, 3 control points" in first
+    assert "image points (7), control points (3)" in first
     assert "above 4.13); 2 that had been rejected were accepted again" in first
     assert points.startswith("Rejected control points: C1.")
     assert given_up.startswith("7 object points were removed")

@@ -168,3 +168,18 @@ def test_what_cannot_be_told_has_no_numbers_but_says_what_it_moves(tested: pd.Da
     assert pd.isna(shift["t"])
     assert pd.isna(shift["detectable"])
     assert shift["moves"] == "gnss_shift_z"
+
+
+def test_what_moves_nothing_says_nothing_of_the_result_and_says_what_to_free() -> None:
+    nothing = {"moves": None, "moves_entity": None, "moved_by_estimate": 0.0}
+    whole = row("boresight_roll", 1, 0.1, unit="deg", **nothing)
+    strip = row("boresight_roll", 2, 0.2, unit="deg", scope="strip", part="s1", **nothing)
+    found = model_findings(pd.DataFrame([whole, strip]))
+    assert not any("nan" in one.sentence or "The result is affected" in one.sentence for one in found)
+    assert [one.moves for one in found] == ["", ""]
+    assert ["free boresight" in one.sentence for one in found] == [True, False]
+
+
+def test_large_sizes_have_no_powers_of_ten() -> None:
+    (found,) = model_findings(pd.DataFrame([row("refraction", 1, 22.4, unit="1", explained_sigma=1.3)]))
+    assert "+2,240 ± 130 %" in found.sentence
