@@ -54,9 +54,18 @@ def straight_image_points(
     up : (n, 3) vertical at each camera, local frame.
     coefficient : (n,) K in radians.
     """
+    return _straight(xy, interior, _down_in_camera(local_from_camera, up), coefficient)
+
+
+def _down_in_camera(local_from_camera: Floats, up: Floats) -> Floats:
+    """(n, 3) direction of the nadir in the camera frame."""
+    return np.asarray(-np.einsum("nji,nj->ni", local_from_camera, up))
+
+
+def _straight(xy: Floats, interior: Floats, down_in_camera: Floats, coefficient: Floats) -> Floats:
+    """Image coordinates (n, 2) of the straight rays."""
     ray = np.stack([xy[:, 0] - interior[:, 1], xy[:, 1] - interior[:, 2], -interior[:, 0]], axis=1)
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    down_in_camera = -np.einsum("nji,nj->ni", local_from_camera, up)
     cosine = np.sum(ray * down_in_camera, axis=1)
     sideways = down_in_camera - cosine[:, None] * ray
     # A turn by dα = K tan α towards the nadir; the unit vector sideways has the length sin α.
@@ -69,9 +78,7 @@ def refracted_image_points(
     xy: Floats, interior: Floats, local_from_camera: Floats, up: Floats, coefficient: Floats
 ) -> Floats:
     """Image coordinates (n, 2) as measured, from those of straight rays; inverse of the former."""
-    measured = xy
+    measured, down_in_camera = xy, _down_in_camera(local_from_camera, up)
     for _ in range(3):  # a contraction by K (1 + tan² α) < 1e-3
-        measured = xy + (
-            measured - straight_image_points(measured, interior, local_from_camera, up, coefficient)
-        )
+        measured = xy + (measured - _straight(measured, interior, down_in_camera, coefficient))
     return measured

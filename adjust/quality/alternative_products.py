@@ -71,9 +71,9 @@ class Products:
                 jacobian = np.ascontiguousarray(term.jacobian)
                 add_products(term.index, jacobian, whitened, numbers, self.load.of_exposures)
             elif term.block == OBJECT_POINT:
-                touched, of_points = _summed(term, whitened)
-                for place, k in enumerate(numbers):
-                    self.load.points_of(int(k))[touched] += of_points[:, :, place]
+                self.load = load = self.load.with_points_of(numbers)
+                places, jacobian = load.places_of(numbers), np.ascontiguousarray(term.jacobian)
+                add_products(term.index, jacobian, whitened, places, load.of_points)
             else:
                 places = self.layout.columns[term.block]
                 if np.any(places >= 0):

@@ -18,9 +18,15 @@ def sums_of_products(start, xy, residual, limits):
     total = np.zeros((classes, 2))
     farthest = limits[classes - 1]
     for image in range(start.shape[0] - 1):
-        for i in range(start[image], start[image + 1]):
-            for j in range(i + 1, start[image + 1]):
+        # From left to right, so that most pairs that are too far apart are never looked at.
+        order = start[image] + np.argsort(xy[start[image] : start[image + 1], 0])
+        for a in range(len(order)):
+            i = order[a]
+            for b in range(a + 1, len(order)):
+                j = order[b]
                 dx = xy[i, 0] - xy[j, 0]
+                if dx * dx >= farthest:
+                    break
                 dy = xy[i, 1] - xy[j, 1]
                 square = dx * dx + dy * dy
                 if square >= farthest:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, Ints
 from adjust.parameters import State
 from adjust.solve import elimination_kernel
 from adjust.solve.factorization import Factorization
@@ -65,30 +65,41 @@ class SparseVectors:
     Attributes
     ----------
     of_exposures : (n, 6, d).  of_border : (g, d).
-    points : number m of object points.
-    of_points : number of the vector → (m, 3); those that are not there are zero.
+    numbers : (k,) numbers of the vectors that are not zero at all object points.
+    of_points : (m, 3, k) those at the object points.
     """
 
     of_exposures: Floats
     of_border: Floats
-    points: int
-    of_points: dict[int, Floats] = field(default_factory=dict)
+    numbers: Ints
+    of_points: Floats
 
     @classmethod
     def zeros(cls, system: System, count: int) -> SparseVectors:
         """Vectors of zeros over the unknowns of a system."""
-        layout = system.layout
-        return cls(np.zeros((layout.events, 6, count)), np.zeros((system.border, count)), layout.points)
+        layout, nothing = system.layout, np.zeros(0, dtype=np.int64)
+        at_points = np.zeros((layout.points, 3, 0))
+        return cls(np.zeros((layout.events, 6, count)), np.zeros((system.border, count)), nothing, at_points)
 
-    def points_of(self, number: int) -> Floats:
-        """The part (m, 3) of one vector at the object points, to be written into."""
-        return self.of_points.setdefault(number, np.zeros((self.points, 3)))
+    def with_points_of(self, numbers: Ints) -> SparseVectors:
+        """The same with zeros at the object points, to be written into, for vectors without a part there."""
+        more = np.setdiff1d(numbers, self.numbers)
+        if len(more) == 0:
+            return self
+        points, known = len(self.of_points), len(self.numbers)
+        at_points = np.zeros((points, 3, known + len(more)))
+        at_points[:, :, :known] = self.of_points
+        return replace(self, numbers=np.concatenate([self.numbers, more]), of_points=at_points)
+
+    def places_of(self, numbers: Ints) -> Ints:
+        """Where vectors with these numbers are in ``of_points``."""
+        order = np.argsort(self.numbers)
+        return order[np.searchsorted(self.numbers, numbers, sorter=order)]
 
     def full(self, active: Bools) -> FullVectors:
         """The same vectors with all their zeros; those at object points (m,) that are not used are zero."""
-        at_points = np.zeros((self.points, 3, self.of_border.shape[1]))
-        for number, values in self.of_points.items():
-            at_points[active, :, number] = values[active]
+        at_points = np.zeros((*self.of_points.shape[:2], self.of_border.shape[1]))
+        at_points[:, :, self.numbers] = np.where(active[:, None, None], self.of_points, 0.0)
         return FullVectors(self.of_exposures, self.of_border, at_points)
 
 
@@ -104,14 +115,14 @@ def inverse_products(
     Parameters
     ----------
     state : that of linearisation.
+    vectors : ``of_points`` is used up.
     """
     normals = factorization.normals
     of_exposures, of_border = vectors.of_exposures.copy(), vectors.of_border.copy()
     count = of_border.shape[1]
     products = np.zeros((count, count))
-    numbers = sorted(vectors.of_points)
-    if numbers:
-        at_points = np.stack([vectors.of_points[k] for k in numbers], axis=2)
+    numbers, at_points = vectors.numbers, vectors.of_points
+    if len(numbers):
         at_points[~system.active_point] = 0.0
         load = FullVectors(of_exposures[:, :, numbers], of_border[:, numbers], at_points)
         of_exposures[:, :, numbers], of_border[:, numbers] = _reduced(system, state, normals, load)

@@ -133,7 +133,7 @@ def assembled_block(
         delivered.cameras,
         calibration,
         fields,
-        divisions_of(observations, of_events, measured["input_file"].to_numpy(dtype=object)[rows], settings),
+        divisions_of(observations, of_events, measured["input_file"], rows, settings),
         known,
     )
 

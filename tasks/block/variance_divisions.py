@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
+from adjust.arrays import Ints
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.quality.observation_parts import Division
@@ -16,13 +17,18 @@ from tasks.settings.adjustment import AdjustmentSettings
 
 
 def divisions_of(
-    observations: Observations, given: GivenOrientations, input_file: np.ndarray, settings: AdjustmentSettings
+    observations: Observations,
+    given: GivenOrientations,
+    input_file: pd.Series,
+    rows: Ints,
+    settings: AdjustmentSettings,
 ) -> tuple[Division, ...]:
     """The divisions that the settings ask for, of groups that have more than one part.
 
     Parameters
     ----------
-    input_file : (n,) name of the file of each image point of the observations.
+    input_file : names of the files of all image points that were delivered.
+    rows : (n,) which of these the image points of the observations are.
     """
     if not settings.variance_components:
         return ()
@@ -30,7 +36,7 @@ def divisions_of(
     rays = observations.image_points
     names = np.array(given.mountings.names, dtype=object)[rays.camera_of_image[rays.image]]
     labels = [
-        *((input_file,) if "file" in by else ()),
+        *((input_file.to_numpy(dtype=object)[rows],) if "file" in by else ()),
         *((np.array([f"camera {name}" for name in names], dtype=object),) if "camera" in by else ()),
     ]
     return tuple(

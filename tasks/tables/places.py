@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress, count
 from typing import TypeAlias
 
 import numpy as np
@@ -21,8 +22,8 @@ _FEW = 20
 def places_of(names: Texts, among: Texts) -> Places:
     """Index (n,) of each name in ``among`` (m,), which are all different; −1 if it is missing."""
     if len(names) * _FEW < len(among):
-        wanted = set(names)
-        place = {name: i for i, name in enumerate(_listed(among)) if name in wanted}
+        wanted, listed = set(names), _listed(among)
+        place = {listed[i]: i for i in compress(count(), map(wanted.__contains__, listed))}
         return np.array([place.get(name, -1) for name in names], dtype=np.int64)
     found = pc.index_in(_text(names), value_set=_text(among)).fill_null(-1)
     return np.asarray(found.to_numpy(zero_copy_only=False), np.int64)
