@@ -1,18 +1,18 @@
 """The interrupt key and SIGTERM end a command within 10 s, whatever it is doing.
 
-Python carries out a signal handler between two instructions of the main thread, and the exception that the
-handler raises is what ends the command. Three things can be in its way; each is met here:
+Python runs a signal handler between two instructions of the main thread, and the exception that the handler
+raises ends the command. Three things can prevent this; each is handled here:
 
 * The signal comes just before a call that blocks (a lock, a pipe, a future), or another thread takes it: then
-  the handler waits until the call returns. So the main thread is woken, again and again, by a second signal
-  that does nothing else.
+  the handler waits until the call returns. Therefore the main thread is woken repeatedly by a second
+  signal that does nothing else.
 * The exception is raised where Python drops it: in a destructor, or a callback of the garbage collector.
-* Cleaning up takes its time: a server does not answer, a call of a library cannot be interrupted.
+* Cleaning up takes time: a server does not answer, a call of a library cannot be interrupted.
 
 In the last two cases the process ends itself some seconds after the signal. Files are then as safe as after a
 kill: finished stages are kept, nothing is half published.
 
-Imports next to nothing, so that it is in place before anything else is loaded.
+It imports hardly anything, so that it is in place before anything else is loaded.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class TerminationError(BaseException):
 def end_on_signals(command: Callable[[], object]) -> NoReturn:
     """Carry out a command, then end the process; SIGTERM and the interrupt key end it early.
 
-    A signal decides about the exit code even if the command came to its own end meanwhile.
+    A signal determines the exit code even if the command has ended by itself meanwhile.
     """
     asked: list[int] = []
 

@@ -1,9 +1,9 @@
 """The progress line of a run: its current stage, how much is done, and roughly how long the rest takes.
 
-It stands below the messages on a terminal once a run has taken some seconds, and nowhere else. How long
-stages take is known from the last time they were computed for the same output folder; the first time from how
-long they usually take in proportion to each other. What has been done so far says how fast this machine is. A
-stage that tells itself how far it is (`stage_fraction` of its messages) is believed.
+It is shown below the messages on a terminal after a run has taken some seconds. The durations of stages are
+those of their last computation for the same output folder; for the first one, only their usual proportions
+are known. The progress so far shows how fast this machine is. A stage may report its own progress
+(`stage_fraction` of its messages).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class LivingLine(logging.Handler):
 
     Parameters
     ----------
-    expected_s : how long each stage to come is expected to take, or in which proportion.
+    expected_s : expected duration of each remaining stage, or their proportions.
     clock : seconds.
     """
 

@@ -30,7 +30,7 @@ class PlanOptions:
     strip_bias : metres; None: the default, or the project's.
     overrides : texts ``a.b.c=VALUE``.
     data : a second folder for relative input paths of a project.
-    proposals : whether additions are looked for.
+    proposals : whether to look for additions.
     """
 
     source: str

@@ -29,7 +29,7 @@ _PREFECT_FORMATTER = "PREFECT_LOGGING_HANDLERS_CONSOLE_FORMATTER"
 def said_as(log_format: LogFormat) -> Callable[[str], None]:
     """Set the format of messages; processes started later write their logs in the same format.
 
-    On a screen, a text has no date: whoever reads it is there.
+    On a screen, text has no date: it is read at once.
     """
     if log_format == "json":
         os.environ.setdefault(_PREFECT_FORMATTER, "json")

@@ -1,6 +1,6 @@
 """Who may see the production page, what a browser may do with it, and the documents of runs.
 
-Documents are served at ``/results/RUN/NAME`` and checked before they are shown; there never is a listing.
+Documents are served at ``/results/RUN/NAME`` and checked before they are shown; there is never a listing.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def guard(server: Flask, door: Door, policy: str) -> None:
 
     Parameters
     ----------
-    policy : Content-Security-Policy of whatever sets none itself.
+    policy : Content-Security-Policy of answers that do not set one.
     """
 
     @server.before_request

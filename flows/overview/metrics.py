@@ -1,7 +1,7 @@
 """Figures of the production for Prometheus: ``/metrics`` on the port of the production page.
 
-They are counted from the records when they are requested, so that they survive a restart, and the same ones
-come from every machine.
+They are counted from the records when they are requested, so that they survive a restart and are the same on
+every machine.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ def failures_part(
 
     Parameters
     ----------
-    passed_since : those after which the same story has passed on the same project.
+    passed_since : those whose story has since passed on the same project.
     """
     if not runs:
         return html.Div("No run has failed.", className="empty")
@@ -103,7 +103,7 @@ def detail_part(
 
     Parameters
     ----------
-    run : the one that was picked.
+    run : the selected one.
     runs : of the project file, the latest first.
     documents : names of the documents it has.
     """

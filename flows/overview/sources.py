@@ -36,7 +36,7 @@ class QueuedRun:
     run : its id.
     name : project and story, or what the server calls it.
     state : of the server (``Scheduled``, ``Late``, ``Pending``, ``Running``, ``AwaitingRetry`` …).
-    due : from when on it may begin, UTC.
+    due : time from which it may begin, UTC.
     begun : UTC; None: not yet.
     """
 
@@ -85,8 +85,8 @@ class ServerView:
     Attributes
     ----------
     reachable : whether it answers.
-    queue : runs in work and runs whose time has come, in their order.
-    next : the scheduled run whose time comes next; None: there is none.
+    queue : active and due runs, in their order.
+    next : the next scheduled run; None: there is none.
     """
 
     reachable: bool
@@ -174,9 +174,9 @@ class Sources:
     dashboard : address of the server's own pages for browsers.
     roots : folders whose documents may be shown.
     api : of the server.
-    door : who is let in.
+    door : the rules of access.
     registry : address of the registry; None: there is none.
-    inbox : what the last look into the inbox has found; None: there is no inbox.
+    inbox : what the last search of the inbox found; None: there is no inbox.
     """
 
     records: Records

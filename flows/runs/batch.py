@@ -27,7 +27,7 @@ class ProjectEnd:
     Attributes
     ----------
     request : what was to be run.
-    summary : what is in its summary.json; None if the machine or aerocal is at fault.
+    summary : content of its summary.json; None after an error of the machine or of aerocal.
     error : why there is no result, in one line; None if there is one.
     """
 

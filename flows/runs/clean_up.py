@@ -68,7 +68,7 @@ def clean_up_below(tops: Sequence[Path], keep_days: int, act: Act) -> CleanedFol
 
     Parameters
     ----------
-    keep_days : outputs that no manifest names stay so long after they were used last.
+    keep_days : days for which outputs not in a manifest are kept after their last use.
 
     Raises
     ------

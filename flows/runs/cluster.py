@@ -1,12 +1,12 @@
 """A Dask cluster, which carries out the runs of a stage in parallel, also on other machines.
 
-The client of a cluster offers an executor of the standard library, which is all a stage asks for. The same
-cluster so serves runs in process and inside a Prefect flow run, whereas Prefect's own task runner for Dask
-works inside flow runs only and sends task runs with all that belongs to them. Here only references travel,
-to and fro; the tables stay in a folder that all machines share.
+The client of a cluster offers an executor of the standard library, which is all a stage needs. Thus the same
+cluster serves runs in process and inside a Prefect flow run, whereas Prefect's own task runner for Dask works
+only inside flow runs and sends complete task runs. Here only references are transferred; the tables stay in a
+folder shared by all machines.
 
-A worker that dies is Dask's business: what it was doing is done again elsewhere. A stage may therefore be
-carried out twice, which the store allows for.
+If a worker dies, Dask repeats its work elsewhere. A stage may therefore be carried out twice, for which the
+store is prepared.
 """
 
 from __future__ import annotations

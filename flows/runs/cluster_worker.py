@@ -1,7 +1,7 @@
 """Work of a worker of a Dask cluster: check that it may be used, then carry out a call.
 
-A worker outlives the runs it works for, so nothing it needs to know is kept in it: every call brings along
-what is expected of its worker. That also covers a worker that joins in the middle of a run.
+A worker outlives the runs it works for, so it keeps no knowledge of them: every call states what it expects
+of its worker. This also covers a worker that joins during a run.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Expected:
 
     Attributes
     ----------
-    software : what the run computes with.
+    software : the software of the run.
     words : a file and its text, in every folder the workers read from and write to.
     environment : (name, value) of variables that decide what is read; None: not set.
     """

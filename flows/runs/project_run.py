@@ -1,6 +1,6 @@
 """One run of a story on a project: settings in, published results or one clear reason out.
 
-Whoever starts it (the command line, a Prefect flow) gets the same outcome: the project file is read,
+The outcome is the same for every caller (the command line, a Prefect flow): the project file is read,
 the output folder is locked, the story runs, and an input error or an adjustment that cannot be
 computed ends in a summary.json that says so and changes nothing else.
 """
@@ -75,7 +75,7 @@ class RunRequest:
         Raises
         ------
         InputError
-            If the output place looks like an address and is none.
+            If the output location looks like an address but is invalid.
         """
         place = None if out is None else output_place(out)
         if isinstance(place, ObjectAddress):
@@ -128,7 +128,7 @@ class RunRequest:
     def declared_story(self) -> StoryName:
         """The declared story: a calibration, a check, or, without either, an adjustment.
 
-        Of a calibration the check is a part. A project that cannot be read is left to the story to refuse.
+        A calibration includes the check. An unreadable project is refused by the story.
         """
         try:
             project = load_project(self.project_file, self.overrides, self.data)
@@ -172,7 +172,7 @@ class RunOutcome:
     directory : the output folder.
     summary : what is in its summary.json.
     error : why there is no result, in one line; None if there is one.
-    failed_stage : the stage that could not be done; None: none, or it did not come to any.
+    failed_stage : the stage that failed; None: none, or none was reached.
     address : where the results are on object storage, if that was requested in place of a folder.
     """
 
@@ -201,7 +201,7 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     Raises
     ------
     InstallationError
-        If the machine is in the way (full disk, no permission, object storage that does not answer).
+        If the machine prevents the run (full disk, no permission, object storage that does not answer).
     """
     store = request.store()
     try:

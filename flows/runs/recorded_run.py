@@ -1,7 +1,7 @@
 """A run of a project in the production records: noted when it begins and when it has ended.
 
 Without records (``aerocal run`` on its own) it is an ordinary run. Records that cannot be written are
-reported and stop no adjustment; what is missing in them is corrected from the server's own records
+reported and stop no adjustment; missing entries are completed from the server's own records
 (`flows.server.reconciliation`).
 """
 
@@ -52,7 +52,7 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
     Raises
     ------
     InstallationError
-        If the machine is in the way.
+        If the machine prevents the run.
     """
     records = configured_records()
     if records is None:

@@ -32,7 +32,7 @@ def text_of_outcome(
     Parameters
     ----------
     contradictions : sentences on estimates that contradict the known truth.
-    recorded : whether the records of production know the run; otherwise nobody serves its files.
+    recorded : whether the records of production know the run; otherwise its files are not served.
     """
     project_file, state = request.project_file.absolute(), state_name(outcome)
     overview = _overview() if recorded and state in PUBLISHING else None
@@ -55,7 +55,7 @@ def text_of_refusal(project: str, state: State, message: str, identity: FlowRunI
 
     Parameters
     ----------
-    project : as it was named.
+    project : as given.
     """
     place = Path(project)
     folder = place.parent if place.suffix == ".toml" else place

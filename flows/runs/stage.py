@@ -2,8 +2,8 @@
 
 While a Prefect flow run is active, calling a stage runs a Prefect task made from the function, so
 that the run shows it with state and duration; otherwise it calls the function, and Prefect is never
-loaded. Whether a flow run is active is asked of the modules already loaded: this file imports no
-Prefect. Prefect's own caching and result persistence stay off, because finished outputs are kept in
+loaded. Whether a flow run is active is determined from the modules already loaded: this file does not
+import Prefect. Prefect's own caching and result persistence stay off, because finished outputs are kept in
 the stage store, which knows the content of the inputs and the source of the code.
 """
 

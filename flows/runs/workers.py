@@ -1,8 +1,8 @@
 """Who carries out the runs of a stage: processes of this machine, or the workers of a Dask cluster.
 
-An executor of the standard library is all a stage asks for, so anything that offers one can stand in for
-it. Every worker computes on one thread; results do not depend on the number of workers. A worker ends with
-the process it works for, however that ends, so that a killed sweep leaves nothing running.
+A stage needs only an executor of the standard library, so anything that offers one can be used. Every
+worker computes on one thread; results do not depend on the number of workers. A worker ends with the
+process it works for, in whatever way that ends, so that a killed sweep leaves nothing running.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ def bodies(cameras: pd.DataFrame, images: pd.DataFrame) -> tuple[tuple[str, ...]
 
     Parameters
     ----------
-    cameras, images : the tables of these names; what took no image of the block is a reference head at most.
+    cameras, images : the tables of these names; without images in the block, it is a reference head.
     """
     taken = cameras[cameras["camera"].isin(images["camera"])]
     body = taken["head_of"].where(taken["head_of"].notna(), taken["camera"])
@@ -92,7 +92,7 @@ def record_of(
 ) -> CalibrationRecord:
     """The record of a camera, or of the heads of a rig together.
 
-    The errors of the heads of a rig are correlated: apart, their differences would come out wrong.
+    The errors of the heads of a rig are correlated: separately, σ of their differences would be wrong.
 
     Parameters
     ----------

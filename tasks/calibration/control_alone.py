@@ -9,7 +9,7 @@ from tasks.settings.project import Project
 def control_alone(project: Project) -> Project:
     """The same project, adjusted on its control points with the cameras as they are given.
 
-    GNSS and INS still give approximate values; everything that belongs to them is held.
+    GNSS and INS still give approximate values; all their parameters are held.
     """
     own = project.adjustment.self_calibration.model_copy(update={"parameters": NOTHING})
     adjustment = project.adjustment.model_copy(

@@ -1,8 +1,8 @@
 """All evidence against a calibration besides its σ: reasons to refuse it or to restrict its use.
 
-A standard deviation says how well a parameter is determined if the model is right. Whether it is right is
-said by the tests of the model, the second step, the check points, the residuals of every group of
-observations, what was rejected, what looked wrong in the deliveries, and the project's own gates.
+A standard deviation states how well a parameter is determined if the model is right. Whether it is right is
+shown by the tests of the model, the second step, the check points, the residuals of every group of
+observations, the rejections, suspicions about the deliveries, and the project's own gates.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ not perfectly known. With the effect e = −Q AᵀC of each on the calibrated pa
     Σ = σ0² Q + Σ_b σ_b² e_b e_bᵀ,    σ_b: standard deviation of the held quantity b,
 
 is the covariance of what is certified (consider covariance: Bierman 1977, ch. VIII). The effects are those of
-the tests of the model; what is estimated has none.
+the tests of the model; estimated quantities have none.
 """
 
 from __future__ import annotations

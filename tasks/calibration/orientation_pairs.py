@@ -34,7 +34,7 @@ class CameraDifferences:
     camera : its name.
     image : (n,) names.
     strip_names, flight_names : by number.
-    differences : what each image shows.
+    differences : those of each image.
     body_from_camera : (3, 3) nominal mounting T.
     given_lever_arm : (3,) of the project file, metres, body axes.
     attitude_sigma, position_sigma : medians of the stated σ of the observed orientations: roll, pitch, yaw
@@ -59,7 +59,7 @@ class PairedOrientations:
     Attributes
     ----------
     cameras : ascending by name.
-    only_adjusted, only_observed : number of images that are in one table only.
+    only_adjusted, only_observed : number of images in only one of the tables.
     """
 
     cameras: tuple[CameraDifferences, ...]

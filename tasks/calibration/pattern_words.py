@@ -32,7 +32,7 @@ def height_words(pattern: FlightPattern) -> str:
 def flights_by_height(images: pd.DataFrame, pattern: FlightPattern) -> str | None:
     """What to declare if every flight of images.parquet has only one height; otherwise None.
 
-    With a GNSS shift of its own in every height, nothing tells a focal length from the shifts.
+    With a separate GNSS shift at every height, the focal length cannot be separated from the shifts.
     """
     height = images.groupby("flight")["height_above_ground_m"].median().to_numpy()
     level = np.argmin(np.abs(np.log(height[:, None] / pattern.heights)), axis=1)

@@ -33,7 +33,7 @@ class CalibratedCamera(RecordModel):
     Attributes
     ----------
     name : as the project calls it.
-    identity : serial numbers of what was calibrated, as far as they are known.
+    identity : serial numbers of what was calibrated, where known.
     columns, rows, pixel_um : its image.
     mount_deg, calibration_axes_deg : see the settings of a camera.
     """
@@ -55,11 +55,11 @@ class CalibratedParameter(RecordModel):
     parameter, entity, unit : as in parameters.parquet.
     value : calibrated, or held.
     given : value before the calibration.
-    sigma : a posteriori, with what was held in addition to it; None if it was held itself.
+    sigma : a posteriori, including the effect of held quantities; None if it was held itself.
     sigma_prior : of its pseudo-observation; None without one.
     status : as in parameters.parquet.
     verdict : determined, weak, not determinable, or held.
-    because : the reason of the verdict, a sentence, and what to fly; empty where nothing is to be said.
+    because : the reason of the verdict, a sentence, and what to fly; empty if there is nothing to say.
     """
 
     parameter: str
@@ -135,10 +135,10 @@ class CalibrationRecord(RecordModel):
     covariance : (k, k) of those with a ``sigma``, in their order, in products of their units.
     held : what was held and how well it is known; its effect is part of the covariance.
     sigma0, redundancy : of the adjustment.
-    verdict : accepted; restricted: accepted, with what must be known by whoever uses it; or refused.
+    verdict : accepted; restricted: accepted, with restrictions that users must know; or refused.
     reasons : why it is refused, sentences.
     restrictions : what restricts it, sentences.
-    remarks : what else a reader must know, sentences.
+    remarks : further sentences for the reader.
     inputs : name of each delivered file → sha256.
     software : name → version.
     """

@@ -1,9 +1,9 @@
 """Staged release of the parameters of a one-step calibration.
 
-What a flight does not determine spoils the rest without a sign of it: the value goes anywhere along the weak
-direction and takes its partners along. So the parameters are released in stages, first the mounting and GNSS,
-then the interior orientation, then the additional parameters; after each the estimates are judged, and what
-was not determined is held from then on.
+A parameter that the flight does not determine spoils the others unnoticed: its value drifts along the weak
+direction, and correlated parameters with it. Therefore the parameters are released in stages: first mounting
+and GNSS, then the interior orientation, then the additional parameters. After each stage the estimates are
+judged, and what was not determined is held from then on.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class Undetermined:
     Attributes
     ----------
     all : families whose σ is too large to be a result.
-    inseparable : those of them of which the flight has nothing to say.
+    inseparable : those of them about which the flight has no information.
     before : names of those that were not determined before this release either.
     """
 

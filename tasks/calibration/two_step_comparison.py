@@ -1,12 +1,12 @@
 """Whether one-step and two-step calibration give the same mounting and shift.
 
 Both come from the same images, so their errors are positively correlated and the variance of their difference
-is smaller than the sum of their variances. The test with the sum is therefore a cautious one: what it calls a
-contradiction is one. The standard deviations of the second step come from the scatter of few strips: they
+is smaller than the sum of their variances. The test with the sum is therefore conservative: a contradiction
+it reports is real. The standard deviations of the second step come from the scatter of few strips: they
 count with Student's quantile over the normal one.
 
 The one-step calibration has one mounting for all its images. Where the second step finds several, it is
-compared with that of most of these images, and it is said that there is not one.
+compared with that of most of these images, and the existence of several is reported.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def _compared(
 ) -> tuple[ComparedStepFigure, float] | None:
     """The same quantity in both, and the σ of the second step by which normal limits hold.
 
-    None if the second step says nothing about it.
+    None if the second step does not determine it.
     """
     name, entity = str(row["parameter"]), str(row["entity"])
     kind, direction = COMPONENTS[name].kind.name, COMPONENTS[name].direction

@@ -1,7 +1,7 @@
 """Verdicts of a calibration: what this flight determines, what not and why, and what to fly.
 
 Of every parameter: determined, weak, not determinable, or held. Of the flight: accepted or refused by its
-σ; what else speaks against it is in `tasks.calibration.evidence`. Standard
+σ; other evidence against it is in `tasks.calibration.evidence`. Standard
 deviations decide, not correlations: c and the shift in height are correlated by 0.9 in good flights because
 both are unknown; and where a prior has taken over, correlations are small and nothing is determined.
 """
@@ -70,7 +70,7 @@ class ParameterVerdict:
     ----------
     parameter, entity : as in parameters.parquet.
     verdict : see there.
-    because : a sentence; empty where nothing is to be said.
+    because : a sentence; empty if there is nothing to say.
     sigma, limit : in the unit of the table; None where held, or where there is no limit.
     sigma_over_prior : σ/σ_prior; None without a prior.
     strongest : the other quantity of the calibration it is correlated with most; None if there is none.
@@ -97,7 +97,7 @@ class FlightVerdict:
     ----------
     reasons : why it is refused, sentences.
     restrictions : what restricts its use, sentences.
-    remarks : what else must be known, sentences.
+    remarks : further sentences for the reader.
     """
 
     reasons: tuple[str, ...] = ()

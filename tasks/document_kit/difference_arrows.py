@@ -39,10 +39,10 @@ class ArrowScale:
         length, words = self.length_m * self.unit, length_words(self.length_m)
         in_plan = arrow_scale(x, y, length, f"{words} in plan", "plan")
         in_height = arrow_scale(
-            x + 20 + length + 110,
+            x + 20 + length + 80,
             y + 8,
             0.35 * length,
-            "in height, up = computed higher",
+            "height, up = computed higher",
             "height",
             upright=True,
         )

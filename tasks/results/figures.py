@@ -1,7 +1,7 @@
 """The figures of notes and summary.json beyond its contract: one model for writer and readers of each.
 
-``summary.json`` allows fields beyond its contract; a figure that a run does not have is None or empty, and
-the report says "none".
+``summary.json`` allows fields beyond its contract; a missing figure is None or empty, and the report
+says "none".
 """
 
 from __future__ import annotations
@@ -227,7 +227,7 @@ class VarianceFigures(Figure):
 class CorrelationTimeFigure(Figure):
     """The correlation time of a group, as stated and as used, s; limits are null where there are none.
 
-    ``verdict`` is that of `adjust.quality.correlation_time`; ``tested``: it was to be estimated.
+    ``verdict`` is that of `adjust.quality.correlation_time`; ``tested``: it was estimated.
     """
 
     group: str

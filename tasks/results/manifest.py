@@ -1,8 +1,8 @@
 """manifest.json: where every published file comes from.
 
 For each artifact its digest, stage and key; for the run its settings, the delivered files with their
-digests, library versions and times. Times, paths and hosts stand here and nowhere else, so that the
-tables of two runs can be compared byte for byte.
+digests, library versions and times. Times, paths and hosts are recorded only here, so that the tables
+of two runs can be compared byte for byte.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Publish a run: the stages' finished files and the summary appear in the output folder.
 
-The files are hard links into the store where the file system has them, else copies: each appears
-at once under its name. ``manifest.json`` is replaced last; who trusts it never sees half a run.
+The files are hard links into the store if the file system supports them, otherwise copies; each
+appears under its name in one step. ``manifest.json`` is replaced last: its readers never see half a run.
 """
 
 from __future__ import annotations

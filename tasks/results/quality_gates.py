@@ -1,9 +1,8 @@
 """Quality gates: the figures of a result against the limits of the project file.
 
-A gate that is not in the project file is not tested. One that is there but whose figure does not
-exist (no check points, say) has not been passed: that is reported as failed and said in a sentence.
-A gate of a part that a run does not have (an adjustment, a direct-georeferencing check) is left to the run
-that has it, which is said, too.
+Gates that are not in the project file are not tested. A gate whose figure does not exist (for example,
+without check points) has failed, and a sentence says why. A gate of a part that the run does not have (an
+adjustment, a direct-georeferencing check) is left to the run that has it, which is also stated.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ class GateResult(BaseModel):
     value, limit : the figure (null: it does not exist) and its limit, in `unit`.
     unit : ``m``, ``um``, ``px``, or ``1`` for a ratio.
     bound : whether `limit` is the largest or the smallest value that passes.
-    passed : whether the figure exists and keeps the limit.
+    passed : whether the figure exists and meets the limit.
     """
 
     model_config = ConfigDict(frozen=True)

@@ -1,12 +1,12 @@
 """Clean-up of output folders: stored outputs unused for a long time, never those listed in a manifest.
 
-Kept for ever are the outputs that ``manifest.json`` names, as published files or as stages of the last run,
-and what these were made from, as far as it is there: a rerun of the last stage stays cheap. Everything else
-can be computed again, and goes when it has not been served for some time. Nothing goes from a folder that a
-run is writing into, nor from one whose manifest cannot be read.
+Outputs listed in ``manifest.json``, as published files or as stages of the last run, are always kept, and
+so are the outputs they were made from: a rerun of the last stage stays cheap. Everything else can be
+computed again, and is removed when it has not been used for some time. Nothing is removed from a folder to
+which a run is writing, or whose manifest cannot be read.
 
-An output is first renamed and then removed, so whoever is killed in between leaves a store that works; the
-rest goes with the next run or the next clean-up.
+An output is first renamed and then removed, so that a process killed in between leaves an intact store; the
+rest is removed by the next run or clean-up.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class StoredOutput:
     ----------
     stage, key : which one it is.
     folder : where it lies.
-    last_used : when it was made or served last.
-    size : bytes that its removal frees; files that are published as well take no room of their own.
+    last_used : when it was last made or used.
+    size : bytes that its removal frees; files that are also published take no extra space.
     made, made_from : digests of its files, and of the artifacts it was made from; none if its list is
         damaged.
     """
@@ -85,11 +85,11 @@ class CleanUp:
     Attributes
     ----------
     directory : the output folder.
-    removed : outputs that go.
-    leftovers : what killed runs left behind, which goes as well.
+    removed : outputs that are removed.
+    leftovers : what killed runs left behind, which is also removed.
     leftover_size : bytes in them.
-    kept : outputs that stay, with the reason.
-    refusal : why nothing (more) was removed, a sentence; None: nothing stood in the way.
+    kept : outputs that are kept, with the reason.
+    refusal : why nothing (more) was removed, a sentence; None: there was no obstacle.
     """
 
     directory: Path
@@ -110,7 +110,7 @@ def look_through(directory: Path, unused_since: datetime, roots: Sequence[Path] 
 
     Parameters
     ----------
-    unused_since : outputs that no manifest names and nobody has used since then go.
+    unused_since : outputs not in a manifest and not used since then are removed.
     roots : folders, links resolved, one of which it must lie under; empty: anywhere.
     """
     return _with_lock(directory, unused_since, roots, lambda found: found)

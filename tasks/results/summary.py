@@ -1,7 +1,7 @@
 """summary.json: the figures of a run for programs, the same fields for every outcome.
 
 The stages leave figures in their notes; here they are put together with the gates and timings.
-What does not exist is null, never 0 and never NaN. Fields beyond those of the contract are allowed:
+Missing figures are null, never 0 or NaN. Fields beyond those of the contract are allowed:
 everything the adjustment reports is passed on.
 """
 

@@ -29,7 +29,7 @@ def approximate_block(
 
     Parameters
     ----------
-    misaligned : whether the boresight is to be estimated, so that it may be anything that is usual.
+    misaligned : whether the boresight is to be estimated, so that any usual value is possible.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def adjust_bundle(
     ----------
     calibrated : parameters and correlations of the adjustment that has calibrated the cameras, where this is
         the first of two steps: then ``strip_errors.parquet`` is written, too.
-    trust_map : how to evaluate the accuracy over the ground, as ``trust_map_cells.parquet``; None: not.
+    trust_map : how to evaluate the accuracy over the ground, as ``trust_map_cells.parquet``; None: none.
 
     Raises
     ------

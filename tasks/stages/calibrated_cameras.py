@@ -1,6 +1,6 @@
 """The cameras with their calibrated interior orientation, used by the first of two steps.
 
-An adjustment on control alone cannot tell the focal length from the flying height; it takes the interior
+An adjustment on control alone cannot separate the focal length from the flying height. It takes the interior
 orientation from the one-step calibration (two flying heights and GNSS), not from the certificate, whose error
 would end up in the projection centres.
 """

@@ -43,7 +43,7 @@ def write_certificate(
         direct-georeferencing check among them are shown.
     project : the settings of the run; its gates are tested.
     certificate : who calibrates and signs.
-    project_file, overrides : digest of the project file, and what replaced values of it.
+    project_file, overrides : digest of the project file, and overrides of its values.
     suffix : of the files' names, to keep the certificates of several cameras apart.
     software : versions that decide how the documents look.
     """

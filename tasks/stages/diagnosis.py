@@ -1,6 +1,6 @@
 """The doctor's list: all mistakes of a delivery at once, with evidence and the line that corrects each.
 
-Nothing is refused here. A run refuses what it cannot continue with, and stops at the first of it.
+Nothing is refused here. A run refuses input with which it cannot continue, and stops at the first mistake.
 """
 
 from __future__ import annotations

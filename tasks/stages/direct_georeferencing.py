@@ -1,8 +1,8 @@
 """The direct-georeferencing check as a stage.
 
-Orientations come from GNSS, INS and a calibration alone; what is intersected with them is compared with
-surveyed points, and the y-parallaxes of all stereo models show how well neighbouring images fit. Both stand
-next to what the standard deviations of image points, GNSS/INS and calibration let expect.
+Orientations come from GNSS, INS and a calibration alone. Points intersected with them are compared with
+surveyed points, and the y-parallaxes of all stereo models show how well neighbouring images fit. Both are
+shown next to their predictions from the standard deviations of image points, GNSS/INS and calibration.
 """
 
 from __future__ import annotations

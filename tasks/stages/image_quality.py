@@ -23,7 +23,7 @@ def examine_images(folder: Path, *, settings: ImageQualitySettings) -> None:
     Raises
     ------
     InputError
-        If an image cannot be read, or the images are not alike.
+        If an image cannot be read, or the images differ in kind.
     """
     # A run that finds the output stored never loads what computes it.
     from tasks.image_quality.measurement import examine
@@ -38,7 +38,7 @@ def examine_sensor(folder: Path, *, settings: SensorSettings) -> None:
     Raises
     ------
     InputError
-        If an image cannot be read, images are not alike, or a series determines nothing.
+        If an image cannot be read, images differ in kind, or a series determines nothing.
     """
     from tasks.image_quality import sensor
 

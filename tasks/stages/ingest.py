@@ -1,8 +1,8 @@
 """Import: the files of a delivery become tables in the project's coordinate system and in millimetres.
 
-Three stages, one for each kind of input. What is wrong with the input stops here with file, line and remedy;
-what only looks odd becomes a sentence in the notes. What reads the files is loaded by the stage that reads: a
-run that finds the tables stored needs none of it.
+Three stages, one for each kind of input. Wrong input ends the run here with file, line and remedy;
+suspicious input becomes a sentence in the notes. Readers are loaded only by the stage that reads files: a run
+that finds the tables in the store does not need them.
 """
 
 from __future__ import annotations

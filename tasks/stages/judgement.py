@@ -36,11 +36,11 @@ def judge_release(
 ) -> None:
     """Write notes that say what is held from now on, and why.
 
-    A family is held as a whole: half a principal point is of no use to anybody.
+    A family is held as a whole: half a principal point is of no use.
 
     Parameters
     ----------
-    before, new, additional : the release, see there.
+    before, new, additional : those of the `Release`.
     undetermined_before : families that were not determined before this release either.
     """
     table, release = read_table(parameters), Release(before, new, additional)

@@ -1,6 +1,6 @@
 """What the figures and tables of an adjustment mean, in sentences.
 
-A stage of its own: another wording, and another sentence, repeat no adjustment.
+A separate stage, so that new or reworded sentences do not repeat the adjustment.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ def write_report(
     project : the settings, which the report shows; its gates are tested.
     name : the project's name (it is not part of the settings' content).
     files : names of the delivered files, without folders.
-    flown : date of the flight (no part of that content either); empty: not known.
+    flown : date of the flight (not part of that content either); empty: unknown.
     software : versions that decide how the report looks.
     """
     # A run that finds the report stored never loads what writes it.

@@ -26,7 +26,7 @@ def write_statements(
     Parameters
     ----------
     stages : the outputs of all stages so far by name, in the order in which they ran.
-    statement : which statements are wanted.
+    statement : which statements are requested.
     name : the project's name.
 
     Raises

@@ -35,7 +35,7 @@ def select_images(
     Raises
     ------
     InputError
-        If a flight or strip is named that the block does not have, or no image meets the conditions.
+        If a named flight or strip is not in the block, or no image meets the conditions.
     """
     table = read_table(images)
     chosen = table.loc[_in_block(table, block, name), "image"]

@@ -34,8 +34,8 @@ def write_sweep_page(
     Parameters
     ----------
     table : sweep.parquet.
-    computed : every scenario and what became of it, for the maps of the image.
-    published : the table to stand next to it.
+    computed : every scenario and its outcome, for the maps of the image.
+    published : the table shown next to it.
     name : of the project.
     software : versions that decide how the page looks.
     """

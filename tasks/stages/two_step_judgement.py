@@ -1,7 +1,7 @@
 """Whether a two-step calibration by itself, without image points, gives boresight and offset well enough.
 
-It says nothing about the interior orientation: the adjusted orientations have taken up its errors. So there
-is not a record and no certificate, but a verdict on what the means of the strips say, by the same limits.
+It does not determine the interior orientation, whose errors the adjusted orientations have absorbed. So
+there is no record and no certificate, only a verdict on the means of the strips, by the same limits.
 """
 
 from __future__ import annotations

@@ -1,0 +1,34 @@
+"""The page on residual grids states what its example prints."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+# All kernels may have to be compiled before.
+pytestmark = pytest.mark.timeout(600)
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PAGE = " ".join((REPOSITORY / "docs/theory/residual-grids.md").read_text(encoding="utf-8").split())
+
+
+def test_the_table_has_the_results_of_the_example() -> None:
+    example = [sys.executable, str(REPOSITORY / "examples" / "residual_grid.py")]
+    printed = subprocess.run(example, capture_output=True, text=True, encoding="utf-8", check=True).stdout
+    rows = re.findall(
+        r"^(\w+): .+?σ0 ([\d.]+) +Z ([\d.]+) m(?: +(\d+) × +([\d.]+) %)?$", printed, re.MULTILINE
+    )
+    high = [row for row in rows if row[0] == "high"]
+    assert len(high) == 7
+    for _, sigma0, height, steps, reduction in high:
+        last = f"{reduction} % ({steps} steps) |" if steps else "|"
+        assert f"| {sigma0} | {height} m | {last}" in PAGE
+    before, after = [row for row in rows if row[0] == "low"]
+    assert f"σ0 of the low one from {before[1]} to {after[1]}" in PAGE
+    assert f"its height error from {before[2]} m to {after[2]} m" in PAGE
+    (differ,) = re.findall(r"(\d+) % of the sub-areas differ", printed)
+    assert f"differ in {differ} % of the sub-areas" in PAGE
