@@ -59,6 +59,7 @@ def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path:
         "import_exposures",
         "import_image_points",
         "publish",
+        "remarks",
         "report",
     ]
 
