@@ -72,7 +72,7 @@ def _said(records: ExposureRecords, heads: Mapping[str, Floats]) -> ExposureReco
     if not alone:
         return records
     remark = (
-        f"{records.file.name} has rigs, but {', '.join(alone)} are cameras that stand alone in the project. "
+        f"{records.file.name} has rigs, but {', '.join(alone)} are single cameras in the project. "
         "`aerocal init` writes their tables [cameras.NAME.head]."
     )
     return replace(records, remarks=(*records.remarks, remark))

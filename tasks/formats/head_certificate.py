@@ -271,7 +271,7 @@ def _value(parameters: Mapping[str, Any], name: str, path: Path) -> tuple[float,
     value, sigma = (float(item) for item in numbers)
     if not (math.isfinite(value) and math.isfinite(sigma) and sigma > 0.0):
         raise InputError(
-            f"The value {value:g} with the standard deviation {sigma:g} is none.",
+            f"The value {value:g} with the standard deviation {sigma:g} is invalid.",
             "Correct them.",
             file=path,
             entity=name,
@@ -295,12 +295,12 @@ def _correlations(content: Mapping[str, Any], names: tuple[str, ...], path: Path
         both = pair.split()
         if len(both) != 2 or not set(both) <= set(names) or both[0] == both[1]:
             raise InputError(
-                f"'{pair}' is no pair of estimated parameters.",
+                f"'{pair}' is not a pair of estimated parameters.",
                 f'Write "{names[0]} {names[-1]}" = CORRELATION.',
                 file=path,
             )
         if isinstance(value, bool) or not isinstance(value, int | float) or not -1.0 < value < 1.0:
-            raise InputError(f"The correlation of {pair} is none.", "It lies between −1 and 1.", file=path)
+            raise InputError(f"The correlation of {pair} is invalid.", "It lies between −1 and 1.", file=path)
         one, other = (names.index(name) for name in both)
         matrix[one, other] = matrix[other, one] = float(value)
     if np.linalg.eigvalsh(matrix)[0] <= 0.0:

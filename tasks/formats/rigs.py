@@ -215,4 +215,4 @@ def _beside(camera: NDArray[Any], event: NDArray[Any], head: str, reference: str
 
 
 def _not_used(heads: Sequence[str], why: str) -> str:
-    return f"The heads {', '.join(heads)} are read as cameras that stand alone: {why}."
+    return f"The heads {', '.join(heads)} are read as single cameras: {why}."

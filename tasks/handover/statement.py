@@ -144,13 +144,13 @@ def _about_rigs(delivery: Delivery, form: DeliveryFormat) -> list[str]:
     """Whether heads of rigs are heads there."""
     if delivery.results.heads is None:
         return []
-    alone, found = "Heads of rigs are written as cameras that stand alone", written_rigs(delivery)
+    alone, found = "Heads of rigs are written as single cameras", written_rigs(delivery)
     if form.rigs == "none":
         return [f"{alone}: the format has no rigs, or none that is written."]
     if found is None:
         return [
-            f"{alone}: they do not sit beside their reference head alike in all events (offsets of their "
-            "shutters), or the reference head has no images."
+            f"{alone}: their pose relative to the reference head differs between events (offsets of "
+            "their shutters), or the reference head has no images."
         ]
     heads = int(np.count_nonzero(np.bincount(found.reference)[found.reference] > 1))
     text = f"Rigs: {heads} heads, {len(found.events):,} events."
@@ -160,7 +160,7 @@ def _about_rigs(delivery: Delivery, form: DeliveryFormat) -> list[str]:
         if found.reference[found.camera[first]] == found.camera[first]
     )
     if form.rigs == "with-reference" and without:
-        text += f" {without:,} images of events without an image of the reference head stand alone."
+        text += f" Images of events without the reference head, written as single images: {without:,}."
     return [text]
 
 

@@ -127,7 +127,7 @@ def _input(
     elif isinstance(records, ExposureRecords):
         yield from _exposures(file, content, folder, cameras, beside)
     elif isinstance(records, ControlRecords):
-        points = f"{len(records.line)} points"
+        points = f"{len(records.line):,} point{'s' if len(records.line) != 1 else ''}"
         yield from place_lines(records.states, records.position, points, beside=beside)
     else:
         yield key_line("unit", open_value(_DISTANCE_UNIT))

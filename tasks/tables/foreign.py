@@ -86,7 +86,7 @@ def _trouble_in_column(table: pa.Table, column: Column) -> str | None:
     if column.values:
         strange = set(values.unique().drop_null().to_pylist()) - set(column.values)
         if strange:
-            return f"The column '{column.name}' has {quoted(min(strange))}, which is none of its words."
+            return f"The column '{column.name}' has {quoted(min(strange))}, which is not a permitted value."
     return None
 
 

@@ -355,7 +355,7 @@ def test_the_parts_of_the_opf_example_say_what_they_are(samples, tmp_path):
     assert "shift 5.302, 3.089, -35.246 m" in records.remarks[0]
     # Two rigs; what is said of their mountings is not what their cameras have, or missing.
     assert records.event is None
-    assert [remark.partition(":")[0][-11:] for remark in records.remarks[1:]] == 2 * ["stand alone"]
+    assert [remark.partition(":")[0][-14:] for remark in records.remarks[1:]] == 2 * ["single cameras"]
     with pytest.raises(InputError, match="Only perspective"):
         read_opf_cameras(opf_example(samples, tmp_path, **right))
 

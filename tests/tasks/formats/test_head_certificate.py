@@ -107,8 +107,8 @@ def test_standard_deviations_become_a_covariance_in_units_of_the_tables(tmp_path
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('"K1 K9" = 0.5', "no pair of estimated parameters"),
-        ('"K1 K3" = 0.5', "no pair of estimated parameters"),
+        ('"K1 K9" = 0.5', "not a pair of estimated parameters"),
+        ('"K1 K3" = 0.5', "not a pair of estimated parameters"),
         ('"K1 K2" = 1.5', "lies between"),
         ('"K1 K2" = 0.99\n"K1 P1" = 0.99\n"K2 P1" = -0.99', "contradict each other"),
     ],
@@ -124,7 +124,7 @@ def test_correlations_that_are_none_are_refused(text: str, message: str, tmp_pat
         ({"K9": [1.0, 1.0]}, "'K9' is not known"),
         ({"K1": [1.0]}, "a value with its standard deviation"),
         ({"K1": "significant"}, "a value with its standard deviation"),
-        ({"K1": [1.0, -1.0]}, "is none"),
+        ({"K1": [1.0, -1.0]}, "is invalid"),
     ],
 )
 def test_damaged_parameters_are_refused(change: dict[str, object], message: str, tmp_path: Path) -> None:

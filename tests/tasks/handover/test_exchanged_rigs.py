@@ -92,9 +92,7 @@ def test_an_event_without_its_reference_head(name: str, tmp_path: Path) -> None:
     assert sorted(map(sorted, events(records).values())) == [["0002.tif", "1 a.tif"], ["4"], ["III_3"]]
     text = " ".join(statement(delivered(results, flown(Flight())[1], name), REGISTER[name], "block").split())
     assert "Rigs: 2 heads, 3 events." in text
-    assert ("1 images of events without an image of the reference head" in text) == (
-        REGISTER[name].rigs == "with-reference"
-    )
+    assert ("written as single images: 1." in text) == (REGISTER[name].rigs == "with-reference")
 
 
 @pytest.mark.parametrize("name", READ)
@@ -106,7 +104,7 @@ def test_heads_that_move_are_cameras_alone(name: str, tmp_path: Path) -> None:
     records = written(results, name, tmp_path)
     assert (records.heads, records.event) == ({}, None)
     text = statement(delivered(results, flown(Flight())[1], name), REGISTER[name], "block")
-    assert "written as cameras that stand alone: they do not sit" in " ".join(text.split())
+    assert "written as single cameras: their pose relative" in " ".join(text.split())
 
 
 @pytest.mark.parametrize("name", REGISTER)
@@ -114,7 +112,7 @@ def test_other_formats_say_that_heads_stand_alone(name: str) -> None:
     results, points = flown(Flight(rig=True))
     text = " ".join(statement(delivered(results, points, name), REGISTER[name], "block").split())
     form = REGISTER[name]
-    assert ("Heads of rigs are written as cameras that stand alone: the format has no rigs" in text) == (
+    assert ("Heads of rigs are written as single cameras: the format has no rigs" in text) == (
         form.rigs == "none" and form.oriented
     )
     assert ("Rigs: 2 heads, 2 events." in text) == (form.rigs != "none")

@@ -61,7 +61,7 @@ def test_a_table_comes_back_and_columns_added_since_are_empty(file: Path) -> Non
         (having("value", pa.array([50.0, None])), "'value' has empty fields"),
         (having("value", pa.array([50.0, float("nan")])), "number that no quantity has"),
         (having("value", pa.array([50.0, -1e300])), "number that no quantity has"),
-        (having("status", pa.array(["significant", "fine"])), "'fine', which is none of its words"),
+        (having("status", pa.array(["significant", "fine"])), "'fine', which is not a permitted value"),
         (having("parameter", pa.array(["focal_length"] * 2)), "Row 2 repeats parameter, entity"),
         (having("entity", pa.array(["C", "a\u202eb"])), "invisible character"),
     ],
