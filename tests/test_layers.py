@@ -33,6 +33,15 @@ def test_only_the_flows_and_what_serves_them_import_prefect_when_they_are_import
     assert done.returncode == 0, done.stderr
 
 
+def test_an_adjustment_does_not_wait_for_all_distributions() -> None:
+    """One probability is a function of scipy.special; scipy.stats takes longer than the rest together."""
+    program = "import tasks.deliveries.cameras, tasks.deliveries.exposures, tasks.deliveries.image_points\n"
+    program += "import tasks.stages.approximate_values, tasks.stages.bundle_adjustment\n"
+    program += "import tasks.documents.report.page, sys\nsys.exit('scipy.stats' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_run_that_finds_everything_stored_loads_nothing_that_computes() -> None:
     """What such a run imports: the command, the settings, the story with its stages."""
     program = "import flows.command.execution, flows.stories.aerial_triangulation, sys\n"

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
+from scipy import special
 
 from adjust.arrays import Floats
 from adjust.camera.additional.base import ImageFormat
@@ -125,7 +125,7 @@ def _fitted(
     solution = np.linalg.lstsq(design / size, -displacement, rcond=None)[0] / size
     residual = (-(design @ solution) - displacement).reshape(n, m, -1).mean(axis=2)
     chi_square = float(np.sum((residual / stated.sigma) ** 2))
-    fits = chi_square <= float(scipy.stats.chi2.ppf(1.0 - _LEVEL, redundancy)) if redundancy else True
+    fits = chi_square <= float(special.chdtri(redundancy, _LEVEL)) if redundancy else True
     scale = 1.0 + solution[0]
     return FittedDistortion(
         focal_length / scale, names, np.asarray(solution[1:] / scale), residual, fits, redundancy
