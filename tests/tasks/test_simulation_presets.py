@@ -55,12 +55,23 @@ VAIHINGEN = {
     "vaihingen-dmc-low": "dmc-8cm",
 }
 
+#: Test blocks of the DMC II: images that see a control point and a check point on average, as published.
+DMC2 = {"140": (8.4, 10.6), "230": (6.2, 6.2), "250": (9.6, 12.7)}
+
 #: Flights with several heads.
 RIGS = ("dmc-heads", "dmc-protocol", "penta")
+TEST_BLOCKS = tuple(f"dmc2-{camera}-test" for camera in DMC2)
 
 
 def test_every_preset_but_the_combined_ones_is_in_the_table() -> None:
-    assert set(preset_names()) == {*FLIGHTS, *VAIHINGEN, "uce-calibration", "uce-testfield", *RIGS}
+    assert set(preset_names()) == {
+        *FLIGHTS,
+        *VAIHINGEN,
+        "uce-calibration",
+        "uce-testfield",
+        *RIGS,
+        *TEST_BLOCKS,
+    }
 
 
 @pytest.mark.parametrize(("name", "flight"), list(VAIHINGEN.items()))
@@ -97,6 +108,24 @@ def test_both_flights_of_a_vaihingen_twin_have_the_same_camera_with_the_same_err
     places = np.random.default_rng(2).uniform(-0.03, 0.03, (200, 2))
     np.testing.assert_array_equal(*(truth.image_errors[0].error(places) for truth in (high, low)))
     assert np.abs(high.image_errors[0].error(places)).max() > 1e-7
+
+
+@pytest.mark.parametrize("camera", list(DMC2))
+def test_the_test_blocks_of_the_dmc_ii_have_their_coverage_image_errors_and_scenarios(camera: str) -> None:
+    simulation = load_simulation(f"dmc2-{camera}-test")
+    specification = block_specification(simulation)
+    truth = block_truth(specification)
+    images = np.bincount(truth.point, minlength=len(truth.points))[truth.surveyed]
+    control, check = DMC2[camera]
+    assert images[~truth.is_check].mean() == pytest.approx(control, rel=0.1)
+    assert images[truth.is_check].mean() == pytest.approx(check, rel=0.2)
+    half = np.array(specification.cameras[0].half_format)
+    grid = np.stack(np.meshgrid(*[np.linspace(-0.999, 0.999, 41)] * 2), -1).reshape(-1, 2) * half
+    assert np.hypot(*truth.image_errors[0].error(grid).T).mean() == pytest.approx(0.32e-6, rel=0.01)
+    assert simulation.sweep is not None
+    own = {(one.block, one.control, one.variant) for one in scenarios(simulation.sweep)}
+    printed = {one for one in published_table("dmc2-2012").figures if one[0].startswith(camera)}
+    assert printed <= own
 
 
 @pytest.mark.parametrize("name", list(FLIGHTS))
