@@ -20,6 +20,7 @@ from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.global_test import global_test
 from adjust.quality.joint_cofactor import JointCofactor, joint_cofactors
+from adjust.quality.readmission import in_place
 from adjust.quality.redundancy import GroupResiduals
 from adjust.quality.rejection import Rejection, SnoopingRule
 from adjust.quality.s_transformation import with_inner_constraints
@@ -37,8 +38,6 @@ def adjust_block(
     observations: Observations,
     options: AdjustmentOptions | None = None,
     progress: Progress | None = None,
-    rejected: Rejection | None = None,
-    start: State | None = None,
 ) -> AdjustmentResult:
     """Adjust a block by least squares, with all statistics of the result.
 
@@ -51,9 +50,6 @@ def adjust_block(
     Parameters
     ----------
     progress : called after every iteration.
-    rejected : observations rejected from the start, from an adjustment of nearly the same block; those that
-        fit are restored.
-    start : initial values of the iteration; None: the approximate values.
 
     Raises
     ------
@@ -64,7 +60,7 @@ def adjust_block(
     options = options or AdjustmentOptions()
     adjuster = Adjuster(options, progress)
     with one_thread():
-        return _result(*_searched(adjuster, block, observations, rejected, start), options)
+        return _result(*_searched(adjuster, block, observations), options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +90,7 @@ class AdjustedValues:
         """Adjust a block; parameters and errors as of :func:`adjust_block`."""
         adjuster = Adjuster(options, progress)
         with one_thread():
-            search, weighted = _searched(adjuster, block, observations, complete=False)
+            search, weighted = _searched(adjuster, block, observations, None, complete=False)
             return cls(adjuster, search, weighted, adjuster.values_to_the_end(search.adjusted))
 
     @property
@@ -112,6 +108,21 @@ class AdjustedValues:
         """What has been rejected."""
         return Rejection(self.search.rejected, self.search.given_up)
 
+    def again(
+        self, block: Block, observations: Observations, rejected: Rejection, start: State
+    ) -> AdjustmentResult:
+        """The complete result of the same block with other parameters held.
+
+        Parameters
+        ----------
+        observations : the same, but for what is known beforehand of parameters that are held.
+        rejected : what is rejected of them from the start; those that fit are restored.
+        start : initial values of the iteration.
+        """
+        nearby = _Nearby(self.system, rejected, start)
+        with one_thread():
+            return _result(*_searched(self.adjuster, block, observations, nearby), self.adjuster.options)
+
     def result(self) -> AdjustmentResult:
         """The complete result of ``adjust_block``."""
         options, search, rule = self.adjuster.options, self.search, _rule(self.adjuster.options)
@@ -123,23 +134,40 @@ class AdjustedValues:
             return _result(search, self.weighted, options)
 
 
+@dataclass(frozen=True, eq=False)
+class _Nearby:
+    """An adjustment of nearly the same block: its system, what it rejected, and where the next one begins."""
+
+    system: System
+    rejected: Rejection
+    start: State
+
+    def system_of(self, block: Block, observations: Observations) -> System:
+        """The system of the block without what is rejected."""
+        same = self.system.remaining(without_rejected(observations, self.rejected))
+        return replace(same, block=block, layout=block.layout)
+
+
 def _searched(
     adjuster: Adjuster,
     block: Block,
     observations: Observations,
-    rejected: Rejection | None = None,
-    start: State | None = None,
+    nearby: _Nearby | None = None,
     complete: bool = True,
 ) -> tuple[Search, Weighted | None]:
     """The searches for gross errors and weights; ``complete`` as of :func:`snoop`."""
     options, rule = adjuster.options, _rule(adjuster.options)
     observations = with_known_basis(block, observations)
-    left = observations if rejected is None else without_rejected(observations, rejected)
-    system = System.of(block, left, options.threads, options.free_network)
+    if nearby is None:
+        system = System.of(block, observations, options.threads, options.free_network)
+        start, rejected = block.approximate_state(), None
+    else:
+        system = nearby.system_of(block, observations)
+        start, rejected = nearby.start, nearby.rejected
     weighting = options.variance_components or options.correlation_times
     # Of the same block adjusted twice, neither search has to begin where an iteration ends.
-    near = rule is not None and not weighting and (rejected is not None or not complete)
-    adjusted = adjuster.adjust(system, start or block.approximate_state(), near=near)
+    near = rule is not None and not weighting and (nearby is not None or not complete)
+    adjusted = adjuster.adjust(system, start, near=near)
     search = Search.start(observations, adjusted, rejected)
     if weighting:
         weighted = estimate_weights(adjuster, search, rule)
@@ -161,7 +189,8 @@ def estimate_block(
 ) -> Estimate:
     """Adjusted values only: no rejection, no covariances, no redundancy numbers.
 
-    The same values as :func:`adjust_block` finds without a critical value, in less than half the time.
+    The values that :func:`adjust_block` finds without a critical value, within a thousandth of their standard
+    deviation and mostly a millionth, in less than half the time.
     Parameters and errors as there; ``critical_value`` is not used.
     """
     options = options or AdjustmentOptions()
@@ -172,7 +201,7 @@ def estimate_block(
 
 def _result(search: Search, weighted: Weighted | None, options: AdjustmentOptions) -> AdjustmentResult:
     """Everything about the last adjustment."""
-    adjusted = search.adjusted
+    adjusted = in_place(search.adjusted, search.given, search.given_up)
     system, state = adjusted.system, adjusted.state
     groups = tuple(
         GroupResult(

@@ -61,7 +61,7 @@ def cofactor(system: System, solution: Solution) -> Cofactor:
 
 def with_points(system: System, solution: Solution, reduced: ReducedCofactor) -> Cofactor:
     """Cofactors of object points and image points from those of exposures and system parameters."""
-    rays, state = system.observations.image_points, solution.state
+    rays, state = system.observations.image_points, solution.linearization
     of_points, hat = np.full((len(system.active_point), 3, 3), np.nan), np.zeros((len(rays.image), 3))
 
     def work(lane: Lane) -> None:

@@ -59,7 +59,9 @@ def explanations(
     points : (p,) indices.
     surveyed : index of an object point → normal matrix (3, 3) of its survey.
     """
-    chosen = np.flatnonzero(np.isin(rays.point, points) & rays.active)
+    wanted = np.zeros(len(state.object_point), dtype=bool)
+    wanted[points] = True
+    chosen = np.flatnonzero(wanted[rays.point] & rays.active)
     if len(chosen) == 0:
         return {}
     part = rays.only(chosen)
@@ -68,21 +70,35 @@ def explanations(
     whitened = -equations.misclosure * part.inverse_sigma
     rows = jacobian * part.inverse_sigma[:, :, None]
     starts = np.flatnonzero(np.diff(part.point, prepend=-1))
-    found = {}
-    for first, last in zip(starts, [*starts[1:], len(part.point)], strict=True):
-        point = int(part.point[first])
-        known = surveyed.get(point, np.zeros((3, 3)))
-        found[point] = _explain(chosen[first:last], rows[first:last], whitened[first:last], known)
-    return found
+    point, count = part.point[starts], np.diff(starts, append=len(part.point))
+    statistic, dimension = np.empty(len(chosen)), np.empty(len(chosen), dtype=np.int64)
+    for k in np.unique(count):
+        alike = np.flatnonzero(count == k)
+        of_rays = starts[alike, None] + np.arange(k)
+        known = np.array([surveyed.get(int(j), np.zeros((3, 3))) for j in point[alike]])
+        statistic[of_rays], dimension[of_rays] = _explain(rows[of_rays], whitened[of_rays], known)
+    equivalent = normal_equivalent(statistic, dimension)
+    return {
+        int(j): Explanations(chosen[a:b], statistic[a:b], equivalent[a:b])
+        for j, a, b in zip(point, starts, starts + count, strict=True)
+    }
 
 
-def _explain(ray: Ints, rows: Floats, whitened: Floats, known: Floats) -> Explanations:
-    """T_j of one object point from its whitened rows (k, 2, 3) and residuals (k, 2)."""
-    k = len(ray)
-    matrix = rows.reshape(2 * k, 3)
+def _explain(rows: Floats, whitened: Floats, known: Floats) -> tuple[Floats, Ints]:
+    """T_j (p, k) and their dimensions of p object points with k rays each.
+
+    Parameters
+    ----------
+    rows, whitened : (p, k, 2, 3) and (p, k, 2), whitened.
+    known : (p, 3, 3) normal matrices of surveys.
+    """
+    p, k = rows.shape[:2]
+    matrix = rows.reshape(p, 2 * k, 3)
+    transposed = np.swapaxes(matrix, 1, 2)
     # A point whose rays are all but parallel has no remainder worth testing: pinv keeps it finite.
-    remainder = np.eye(2 * k) - matrix @ np.linalg.pinv(matrix.T @ matrix + known, hermitian=True) @ matrix.T
-    misfit = (remainder @ whitened.ravel()).reshape(k, 2)
-    own = remainder.reshape(k, 2, k, 2)[np.arange(k), :, np.arange(k), :]
-    statistic, dimension = directional_statistic(misfit, own)
-    return Explanations(ray, statistic, normal_equivalent(statistic, dimension))
+    inverse = np.linalg.pinv(transposed @ matrix + known, hermitian=True)
+    remainder = np.eye(2 * k) - matrix @ inverse @ transposed
+    misfit = (remainder @ whitened.reshape(p, 2 * k, 1)).reshape(p * k, 2)
+    own = remainder.reshape(p, k, 2, k, 2)[:, np.arange(k), :, np.arange(k), :]
+    statistic, dimension = directional_statistic(misfit, np.swapaxes(own, 0, 1).reshape(p * k, 2, 2))
+    return statistic.reshape(p, k), dimension.reshape(p, k)

@@ -162,3 +162,31 @@ def _closing_points(
     for point, item in explanations(rays, state, np.flatnonzero(usable), {}).items():
         back[point] = bool(item.equivalent.max() <= factor * rule.critical_value)
     return back, state
+
+
+def in_place(adjusted: Adjusted, given: Observations, given_up: Bools) -> Adjusted:
+    """The same with object points (m,) that were given up where all their rays meet now, and those residuals.
+
+    Where an iteration has left them depends on when they were given up. Rays that do not meet are compared
+    with the approximate place.
+    """
+    away = given_up & ~adjusted.system.active_point
+    if not away.any():
+        return adjusted
+    state, few = adjusted.state, given.image_points.only(np.flatnonzero(away[given.image_points.point]))
+    found = intersect(few, state, len(away))
+    approximate = adjusted.system.block.approximate_state().object_point
+    places = np.where(found.usable[:, None], found.object_point, approximate)
+    state = replace(state, object_point=np.where(away[:, None], places, state.object_point))
+    touched = np.append(away, False)  # the last one stands for what belongs to no object point (−1)
+    residuals = []
+    for group, item in zip(given.groups, adjusted.residuals, strict=True):
+        rows = touched[group.point]
+        if rows.any():
+            is_rays = group is given.image_points
+            misclosure = few.misclosure(state) if is_rays else group.linearize(state).misclosure[rows]
+            residual = item.residual.copy()
+            residual[rows] = np.where(np.isnan(residual[rows]), np.nan, -misclosure)
+            item = replace(item, residual=residual)
+        residuals.append(item)
+    return replace(adjusted, solution=replace(adjusted.solution, state=state), residuals=tuple(residuals))

@@ -24,6 +24,7 @@ from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.detectability import NON_CENTRALITY
+from adjust.quality.residual_kernel import statistics_of_rays
 from adjust.quality.single_error import SingleErrors, single_errors
 from adjust.solve.system import System
 
@@ -52,8 +53,6 @@ class GroupResiduals:
 
 # Below this the division by √r would only magnify rounding.
 _NO_REDUNDANCY = 1e-6
-# So many image points at a time, with all that is made of them, fit into the caches of a processor.
-_AT_ONCE = 8_192
 
 
 def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
@@ -81,18 +80,18 @@ def _residuals_of_rays(
     added : (n, 2) variances by errors of considered parameters, in units of σ²; None without any.
     """
     redundancy, standardized, detectable = (np.empty_like(residual) for _ in range(3))
-    whitened = np.empty_like(residual)
-    for first in range(0, len(residual), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        active = rays.active[part, None]
-        redundancy[part] = np.where(active, 1.0 - hat[part, ::2], np.nan)
-        with np.errstate(invalid="ignore"):
-            root = np.sqrt(np.where(redundancy[part] > _NO_REDUNDANCY, redundancy[part], np.nan))
-            growth = 1.0 if added is None else np.sqrt(1.0 + added[part] / redundancy[part])
-        whitened[part] = np.where(active, np.nan_to_num(residual[part]), 0.0) * rays.inverse_sigma[part]
-        standardized[part] = whitened[part] / root / growth
-        detectable[part] = NON_CENTRALITY * rays.sigma[part] / root * growth
-    squares = float(np.sum(whitened**2))
+    squares = statistics_of_rays(
+        residual,
+        hat,
+        rays.sigma,
+        rays.active,
+        None if added is None else np.ascontiguousarray(added),
+        _NO_REDUNDANCY,
+        redundancy,
+        standardized,
+        detectable,
+        NON_CENTRALITY,
+    )
     return GroupResiduals(residual, redundancy, redundancy, standardized, detectable, squares)
 
 

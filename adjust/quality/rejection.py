@@ -22,11 +22,13 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
 from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
+from adjust.observations.image_point import ImagePoints
 from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import OBJECT_POINT, State
 from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.locatability import Explanations, explanations
 from adjust.quality.redundancy import GroupResiduals
+from adjust.quality.residual_kernel import largest_controlled
 from adjust.quality.single_error import single_errors
 from adjust.quality.snooping_statistic import (
     EstimatedVariance,
@@ -124,9 +126,7 @@ def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats,
 
 def _of_components(residuals: GroupResiduals, variance: EstimatedVariance | None) -> Floats:
     """Largest controlled |w| over the components of each observation (n,)."""
-    controlled = np.nan_to_num(residuals.control) >= UNCONTROLLED
-    size = np.where(controlled, np.abs(np.nan_to_num(residuals.standardized)), 0.0)
-    largest: Floats = size.max(axis=1)
+    largest: Floats = largest_controlled(residuals.control, residuals.standardized, UNCONTROLLED)
     if variance is None:
         return largest
     return normal_equivalent(largest**2, (largest > 0.0).astype(np.int64), variance)
@@ -155,8 +155,9 @@ def _least(
     of_rays, image = statistics[0], observations.image_points.image
     others = max((float(item.max(initial=0.0)) for item in statistics[1:]), default=0.0)
     everywhere = max(critical_value, _SWAMPED * others, _SWAMPED_FAR * float(of_rays.max(initial=0.0)))
+    suspicious = of_rays > critical_value
     of_image = np.zeros(1 + int(image.max(initial=0)))
-    np.maximum.at(of_image, image, of_rays)
+    np.maximum.at(of_image, image[suspicious], of_rays[suspicious])
     largest = max(others, float(of_rays.max(initial=0.0)))
     least_of_others = max(critical_value, _SWAMPED * largest)
     return (
@@ -222,7 +223,7 @@ def _first_of_equals(
 
 def _beside(group: ObservationGroup, i: int) -> list[tuple[str, int]]:
     """Events whose observations an error of this one raises because their errors are correlated over time."""
-    neighbours = group.stochastic.neighbours
+    neighbours = None if isinstance(group, ImagePoints) else group.stochastic.neighbours
     if neighbours is None:
         return []
     return [("event", int(group.event[index[i]])) for index in (neighbours.before, neighbours.after)]

@@ -24,7 +24,7 @@ from adjust.solve.factorization import SingularNormalsError, factorize
 from adjust.solve.free_network import open_movements
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.helmert_blocking import HelmertFactor
-from adjust.solve.normal_equations import ReducedNormals, reduced_normals
+from adjust.solve.normal_equations import ReducedNormals, reduced_normals, substitute_back
 from adjust.solve.system import System
 
 
@@ -52,18 +52,49 @@ def normals_of_result(result: AdjustmentResult) -> ParameterNormals:
 def normals_of_solution(system: System, solution: Solution) -> ParameterNormals:
     """The same before anything else is known of the adjustment; not of a network with an open datum."""
     g, normals = system.layout.border, solution.normals
-    normal = solution.factorization.factor.border_normal()
-    mixed, joins = normal[:g, g:], normal[g:, g:]
     return _normals(
         system.layout,
         solution.state,
-        normal[:g, :g] - mixed @ np.linalg.solve(joins, mixed.T),
+        _normal(system, solution),
         np.zeros(g),
         np.diagonal(normals.corner)[:g].copy(),
         system.observations.others,
         normals.weighted_squares,
         system.redundancy,
     )
+
+
+def state_with(system: System, solution: Solution, increments: Floats) -> State:
+    """The solution with other system parameters, everything else where linear equations see it best then.
+
+    Parameters
+    ----------
+    increments : (g,) of the parameters against the solution, in their units; not of an open datum.
+    """
+    normals, factor = solution.normals, solution.factorization.factor
+    load = np.zeros(system.border)
+    load[: system.layout.border] = _normal(system, solution) @ increments
+    of_exposures, of_border = factor.solve(np.zeros_like(normals.rhs_exposure), load)
+    without_load = replace(normals, point_rhs=np.zeros_like(normals.point_rhs))
+    of_points = substitute_back(system, solution.linearization, without_load, of_exposures, of_border)
+    return system.layout.update(solution.state, of_exposures, of_border, of_points)
+
+
+def _normal(system: System, solution: Solution) -> Floats:
+    """N (g, g) of the system parameters with everything else eliminated, joins of object points, too."""
+    g, normal = system.layout.border, solution.factorization.factor.border_normal()
+    mixed, joins = normal[:g, g:], normal[g:, g:]
+    return np.asarray(normal[:g, :g] - mixed @ np.linalg.solve(joins, mixed.T))
+
+
+def changes_from_given(layout: ParameterLayout, state: State) -> Floats:
+    """(g,) values of the system parameters of a state less their given values."""
+    change = np.zeros(layout.border)
+    for parameters in layout.system:
+        columns = layout.columns[parameters.family.name]
+        free = columns >= 0
+        change[columns[free]] = (state.system[parameters.family.name] - parameters.values)[free]
+    return change
 
 
 def normals_at(system: System, state: State) -> ParameterNormals:
@@ -144,12 +175,10 @@ def _normals(
     rhs : (g,) s at the state.
     weighted_squares, redundancy : Ω(a₀) and f with all parameters free.
     """
-    change, names = np.zeros(layout.border), _names(layout)
+    change, names = changes_from_given(layout, state), _names(layout)
     sigma, observed = np.full(layout.border, np.nan), np.zeros(layout.border)
     for parameters in layout.system:
         columns = layout.columns[parameters.family.name]
-        free = columns >= 0
-        change[columns[free]] = (state.system[parameters.family.name] - parameters.values)[free]
         for group in groups:
             if not isinstance(group, DirectObservations) or group.family.name != parameters.family.name:
                 continue

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.adjustment import AdjustedValues, adjust_block
-from adjust.arrays import Bools, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.data_snooping import without_rejected
 from adjust.errors import DatumDefectError, DivergenceError
@@ -25,7 +25,13 @@ from adjust.result import AdjustmentResult
 from adjust.selection.elimination import Elimination, eliminate
 from adjust.selection.elimination_rules import EliminationRules
 from adjust.selection.linear_estimate import LinearEstimate
-from adjust.selection.parameter_normals import normals_at, normals_of_result, normals_of_solution
+from adjust.selection.parameter_normals import (
+    changes_from_given,
+    normals_at,
+    normals_of_result,
+    normals_of_solution,
+    state_with,
+)
 from adjust.solve.gauss_newton import Progress
 from adjust.solve.system import Observations, System, with_known_basis
 
@@ -90,14 +96,9 @@ def adjust_with_selection(
     reduced = with_held(_started_from(block, values.state), layout, elimination.eliminated)
     kept = without_priors_of_held(reduced, observations)
     rejected = _of_same(kept, values.search.given, values.rejected)
-    # Where the linear equations see the parameters that are left, without those that are eliminated.
-    start = layout.update(
-        reduced.approximate_state(),
-        np.zeros((layout.events, 6)),
-        elimination.estimate.change,
-        np.zeros((layout.points, 3)),
+    result = values.again(
+        reduced, kept, rejected, _start(reduced, layout, values, elimination.estimate.change)
     )
-    result = adjust_block(reduced, kept, options, progress, rejected, start)
     # The values to start from are no longer the given ones.
     left = with_held(block, layout, elimination.eliminated)
     return SelectedAdjustment(left, result, full, layout, elimination, sigma0)
@@ -141,6 +142,21 @@ def _all_together(
         left = without_rejected(observations, _of_same(observations, kept, values.rejected))
         system = System.of(block, left, options.threads, options.free_network)
         return values, LinearEstimate.of(normals_at(system, values.state), last=candidates)
+
+
+def _start(reduced: Block, layout: ParameterLayout, values: AdjustedValues, change: Floats) -> State:
+    """Where the linear equations see everything without the parameters that are eliminated.
+
+    Parameters
+    ----------
+    change : (g,) of the parameters of a layout against their given values; zero of those.
+    """
+    nothing = np.zeros((layout.events, 6)), np.zeros((layout.points, 3))
+    start = layout.update(reduced.approximate_state(), nothing[0], change, nothing[1])
+    if values.system.layout.border != layout.border or values.solution.movements is not None:
+        return start
+    followed = state_with(values.system, values.solution, change - changes_from_given(layout, values.state))
+    return replace(followed, system=start.system)
 
 
 def _started_from(block: Block, state: State) -> Block:

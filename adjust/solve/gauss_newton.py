@@ -26,6 +26,9 @@ from adjust.solve.updated_normals import updated_normals
 _CONVERGED = 1e-3
 # Nor by more than this: near enough for linear equations to say which observations are wrong.
 _NEAR = 1.0
+# Normal equations that are this near to the end are those of the end: another step from them would move
+# nothing by 1e-9 of its standard deviation, and their cofactors are right to as many digits.
+_SETTLED = 1e-5
 _FIRST_DAMPING = 1e-4
 # Long steps (bound of |dx_i|/σ_i) that lower vᵀPv by less than this part lead nowhere.
 _LONG, _STALLED = 30.0, 1e-3
@@ -133,9 +136,10 @@ def iterate(
     may_stall: bool = False,
     near: bool = False,
 ) -> Solution:
-    """Iterate to convergence and factorise the normal equations of the adjusted state.
+    """Iterate to convergence, with the factorised normal equations of the adjusted state.
 
-    Other parameters and errors are those of :func:`converge`.
+    A last solution of those normal equations makes the state independent of the path to it, but in a free
+    network. Other parameters and errors are those of :func:`converge`.
 
     Parameters
     ----------
@@ -143,11 +147,19 @@ def iterate(
         counts as stalled, with the normal equations from which that step was made.
     """
     end = _iterated(system, start, most, progress, may_stall, _NEAR if near else _CONVERGED)
-    if near and not end.stalled:
-        factorization, movements = end.last.factorization, end.last.movements
-        return Solution(end.state, end.normals, factorization, end.iterations, True, movements, end.before)
-    found = solution_at(system, end.state)
-    return replace(found, iterations=end.iterations, stalled=end.stalled)
+    if end.stalled or (end.last.movements is not None and not near):
+        # Free movements do not show in bᵀdx: these normal equations may be those of another datum.
+        found = solution_at(system, end.state)
+        return replace(found, iterations=end.iterations, stalled=end.stalled)
+    state, normals, last, before = end.state, end.normals, end.last, end.before
+    settled = last.largest_move < _SETTLED and last.movements is None
+    if not (near or settled):
+        before, normals = end.state, reduced_normals(system, end.state)
+        last = _increments(system, before, normals)
+        state = last.applied(system, before)
+    return Solution(
+        state, normals, last.factorization, end.iterations, near and not settled, last.movements, before
+    )
 
 
 def solution_at(system: System, state: State) -> Solution:

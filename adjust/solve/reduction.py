@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from adjust.block import Block
 from adjust.errors import DatumDefectError, InconsistentBlockError
 from adjust.parameters import State
 from adjust.solve import reduction_kernel
+from adjust.solve.border_columns_kernel import TILE
 from adjust.solve.joined_points import Couplings
 from adjust.solve.lanes import Lane, in_order, lanes
 from adjust.solve.system import System
@@ -49,6 +50,12 @@ class Sums:
             np.zeros(border),
         )
 
+    def grow(self, other: Sums) -> None:
+        """Add the sums of other observations with the same columns."""
+        for field in fields(self):
+            mine = getattr(self, field.name)
+            mine += getattr(other, field.name)
+
     def add(self, other: Sums, columns: Ints) -> None:
         """Add the sums of other observations that know only the system parameters in these columns.
 
@@ -60,11 +67,12 @@ class Sums:
             (self.diagonal_exposure, other.diagonal_exposure),
         ):
             mine += its
-        self.border[:, :, columns] += other.border
-        upper = np.triu(other.corner)
+        count = len(columns)
+        self.border[:, :, columns] += other.border[:, :, :count]
+        upper = np.triu(other.corner[:count, :count])
         self.corner[np.ix_(columns, columns)] += upper + np.triu(upper, 1).T
-        self.rhs_border[columns] += other.rhs_border
-        self.diagonal_border[columns] += other.diagonal_border
+        self.rhs_border[columns] += other.rhs_border[:count]
+        self.diagonal_border[columns] += other.diagonal_border[:count]
 
 
 def reduce_image_points(
@@ -96,9 +104,10 @@ def reduce_image_points(
     pattern = system.pattern
     columns = system.ray_columns
     touched = system.touched_columns
+    tiles = -(-len(touched) // TILE)
 
     def work(lane: Lane) -> tuple[Sums, float, float, int, int]:
-        mine = Sums.zero(len(pattern.column), pattern.events, len(touched))
+        mine = Sums.zero(len(pattern.column), pattern.events, TILE * tiles)
         return mine, *reduction_kernel.reduce_points(
             *system.rays_of_lane(state, lane),
             columns.compact,
@@ -106,25 +115,31 @@ def reduce_image_points(
             damping,
             pattern.row_start,
             pattern.column,
-            mine.blocks,
-            mine.border,
+            mine.blocks.reshape(-1, 6),
+            mine.border.reshape(6 * pattern.events, TILE * tiles),
             mine.corner,
             mine.rhs_exposure,
-            mine.rhs_border,
+            mine.rhs_border[np.newaxis],
             mine.diagonal_exposure,
-            mine.diagonal_border,
+            mine.diagonal_border[np.newaxis],
             point_normal,
             point_rhs,
         )
 
     weighted_squares = eliminated = 0.0
+    of_lanes: Sums | None = None
     for of_lane, squares, reduction, behind, undetermined in in_order(
         work, lanes(system.point_start), system.threads
     ):
         _refuse(system.block, behind, undetermined)
-        sums.add(of_lane, touched)
+        if of_lanes is None:
+            of_lanes = of_lane
+        else:
+            of_lanes.grow(of_lane)
         weighted_squares += squares
         eliminated += reduction
+    if of_lanes is not None:
+        sums.add(of_lanes, touched)
     return weighted_squares, eliminated
 
 

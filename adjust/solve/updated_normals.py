@@ -33,8 +33,9 @@ def updated_normals(before: System, normals: ReducedNormals, system: System, sta
     if system.blocking is not before.blocking or len(system.joined[0]):
         return reduced_normals(system, state)
     points = changed_points(before.observations, system.observations, len(system.active_point))
-    was = reduced_normals(of_points(before, points), state)
-    now = reduced_normals(of_points(system, points), state)
+    one, other = _of_changed_groups(before, system, points)
+    was = reduced_normals(of_points(one, points), state)
+    now = reduced_normals(of_points(other, points), state)
 
     return replace(
         normals,
@@ -50,6 +51,25 @@ def updated_normals(before: System, normals: ReducedNormals, system: System, sta
         weighted_squares=normals.weighted_squares - was.weighted_squares + now.weighted_squares,
         eliminated=normals.eliminated - was.eliminated + now.eliminated,
     )
+
+
+def _of_changed_groups(before: System, now: System, points: Bools) -> tuple[System, System]:
+    """Both without the groups, image points apart, that give the same: nothing of theirs has changed.
+
+    What belongs to one of the changed object points (m,) is needed for its own normal equations.
+    """
+    touched = np.append(points, False)  # the last one stands for what belongs to no object point (−1)
+    kept = [
+        bool(touched[one.point].any()) or not np.array_equal(one.stochastic.present, other.stochastic.present)
+        for one, other in zip(before.observations.others, now.observations.others, strict=True)
+    ]
+    return _with_groups(before, kept), _with_groups(now, kept)
+
+
+def _with_groups(system: System, kept: list[bool]) -> System:
+    others = zip(system.observations.others, kept, strict=True)
+    left = tuple(group for group, is_kept in others if is_kept)
+    return replace(system, observations=replace(system.observations, others=left))
 
 
 def changed_points(before: Observations, now: Observations, points: int) -> Bools:

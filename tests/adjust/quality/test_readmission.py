@@ -12,6 +12,7 @@ from adjust.adjustment import adjust_block
 from adjust.data_snooping import Search
 from adjust.least_squares import Adjuster
 from adjust.options import AdjustmentOptions
+from adjust.quality.readmission import in_place
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
 from adjust.solve.system import System
 from tests.adjust.scenes import MICROMETRE, Scene, two_strips
@@ -67,6 +68,26 @@ def test_sound_observations_come_back_once(test: Any) -> None:
     # Rejected again, they stay where they are.
     twice = replace(again, rejected=search.rejected, given_up=search.given_up)
     assert twice.fitting_again(rule).count == 0
+
+
+def test_a_point_that_was_given_up_stands_where_its_rays_meet_however_it_was_left() -> None:
+    scene = two_strips(noise_seed=8)
+    point = two_ray_point(scene)
+    search = search_without(scene, [], [], [point])
+    found = in_place(search.adjusted, scene.observations, search.given_up)
+    rows = scene.observations.image_points.point == point
+    # Of two rays only the parallax is left.
+    assert np.abs(found.residuals[0].residual[rows]).max() < 6 * MICROMETRE
+    assert np.linalg.norm(found.state.object_point[point] - scene.truth.object_point[point]) < 1.0
+    np.testing.assert_array_equal(
+        found.residuals[0].residual[~rows], search.adjusted.residuals[0].residual[~rows]
+    )
+    places = search.adjusted.state.object_point.copy()
+    places[point] += 7.0
+    solution = replace(search.adjusted.solution, state=replace(search.adjusted.state, object_point=places))
+    again = in_place(replace(search.adjusted, solution=solution), scene.observations, search.given_up)
+    np.testing.assert_array_equal(again.state.object_point, found.state.object_point)
+    np.testing.assert_array_equal(again.residuals[0].residual, found.residuals[0].residual)
 
 
 def test_wrong_observations_do_not_come_back() -> None:
