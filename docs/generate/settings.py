@@ -235,7 +235,8 @@ def _tuple_kind(arguments: tuple[Any, ...]) -> str:
     if arguments[-1] is Ellipsis:
         inner = _kind(arguments[0])
         return "table, or array of tables" if inner == "table" else f"list of {inner}"
-    return {2: "two numbers", 3: "three numbers", 4: "four numbers"}[len(arguments)]
+    kind = "paths" if _kind(arguments[0]) == "path" else "numbers"
+    return {2: "two", 3: "three", 4: "four"}[len(arguments)] + f" {kind}"
 
 
 def _default(field: FieldInfo) -> str:

@@ -7,6 +7,7 @@ go by their camera model. Source: OpenSfM's documentation, "Rig Models".
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -94,7 +95,5 @@ def _names(instances: Mapping[str, Mapping[str, str]], models: Mapping[str, str 
         for shot, head in shots.items()
         if models.get(shot) is not None
     }
-    heads, taken = [head for head, _ in pairs], [model for _, model in pairs]
-    return {
-        head: str(model) if heads.count(head) == taken.count(model) == 1 else head for head, model in pairs
-    }
+    heads, taken = Counter(head for head, _ in pairs), Counter(model for _, model in pairs)
+    return {head: str(model) if heads[head] == taken[model] == 1 else head for head, model in pairs}

@@ -40,9 +40,9 @@ def opf_rigs(
         If a capture has no reference camera, or an identifier is unknown; as of `tasks.formats.rigs`.
     """
     given = project.one("input_cameras", "input-cameras")
-    captures = [(one, _cameras(one)) for one in given["captures"].each()]
-    if all(len(cameras) < 2 for _, cameras in captures):
+    if all(len(one["cameras"].items()) < 2 for one in given["captures"].each()):
         return Rigs()
+    captures = [(one, _cameras(one)) for one in given["captures"].each()]
     reference: dict[int, int] = {}
     for capture, cameras in captures:
         first = capture["reference_camera_id"].whole()

@@ -9,19 +9,20 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Floats
 from adjust.geometry.rotation import log, to_heading_pitch_roll
 from tasks.errors import InputError
 from tasks.formats.records import ExposureRecords, HeadRecord
 
 # Images that are further from where their event and head place them are not of a rigid rig: metres, radians.
 _RIGID_M, _RIGID = 0.01, 1e-4
+_MOST_LISTED = 10
 _AGAIN = "Export the rig again, with all its heads and images."
 
 
@@ -108,13 +109,15 @@ def rigs_of(
 
 def rigs_by_events(groups: Iterable[Collection[str]]) -> dict[str, str]:
     """Head → name of its rig: heads that took images together, at any event, are of one rig."""
-    rig: dict[str, str] = {}
+    number: dict[str, int] = {}
+    pairs = []
     for group in groups:
-        met = {rig.setdefault(head, head) for head in group}
-        if len(met) > 1:
-            first = min(met)
-            rig = {head: first if own in met else own for head, own in rig.items()}
-    return rig
+        met = [number.setdefault(head, len(number)) for head in group]
+        pairs += [(met[0], other) for other in met]
+    first, other = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    links = coo_array((np.ones(len(first)), (first, other)), shape=(len(number), len(number)))
+    label = connected_components(links, directed=False)[1]
+    return {head: f"{label[at]}" for head, at in number.items()}
 
 
 def with_rigs(records: ExposureRecords, rigs: Rigs, centre: Floats, turn: Floats) -> ExposureRecords:
@@ -125,11 +128,16 @@ def with_rigs(records: ExposureRecords, rigs: Rigs, centre: Floats, turn: Floats
     centre : (n, 3) projection centres, metres.
     turn : (n, 3, 3) rotations to their axes from those of the images, x right, y down, z forward.
     """
-    event = np.array([rigs.event.get(image) for image in records.image.to_pylist()], dtype=object)
-    camera = np.array([str(name) for name in records.camera.to_pylist()])
+    event = [rigs.event.get(image) for image in records.image.to_pylist()]
+    camera = [str(name) for name in records.camera.to_pylist()]
+    at = {pair: row for row, pair in enumerate(zip(event, camera, strict=True)) if pair[0] is not None}
+    of_head: dict[str, list[int]] = {}
+    for (_, name), row in at.items():
+        of_head.setdefault(name, []).append(row)
     moving: dict[str, str] = {}
     for head, one in rigs.heads.items():
-        rows, beside = _beside(camera, event, head, one.reference)
+        rows = [row for row in of_head.get(head, ()) if (event[row], one.reference) in at]
+        beside = [at[event[row], one.reference] for row in rows]
         back = np.swapaxes(turn[beside], 1, 2)
         turned = np.linalg.norm(log(one.rotation.T @ back @ turn[rows]), axis=1).max(initial=0.0)
         apart = np.einsum("nij,nj->ni", back, centre[rows] - centre[beside]) - one.position
@@ -138,10 +146,10 @@ def with_rigs(records: ExposureRecords, rigs: Rigs, centre: Floats, turn: Floats
             why = f"images of {head} are up to {moved:.3g} m and {np.rad2deg(turned):.3g}° off its mounting"
             moving[one.reference] = why
     kept = {head: one for head, one in rigs.heads.items() if one.reference not in moving}
-    remarks = [
-        _not_used([reference, *(head for head, one in rigs.heads.items() if one.reference == reference)], why)
-        for reference, why in moving.items()
-    ]
+    beside_it: dict[str, list[str]] = {}
+    for head, one in rigs.heads.items():
+        beside_it.setdefault(one.reference, [one.reference]).append(head)
+    remarks = [_not_used(beside_it[reference], why) for reference, why in moving.items()]
     in_rig = np.isin(camera, [*kept, *(one.reference for one in kept.values())])
     joined = [name if own else None for name, own in zip(event, in_rig, strict=True)]
     return replace(
@@ -207,12 +215,6 @@ def _related(reference: str, mounted: Mapping[str, tuple[Floats, Floats]]) -> di
     }
 
 
-def _beside(camera: NDArray[Any], event: NDArray[Any], head: str, reference: str) -> tuple[Ints, Ints]:
-    """Rows of the images of a head, and of those of its reference head at the same events."""
-    at = {event[row]: row for row in np.flatnonzero(camera == reference)}
-    rows = [row for row in np.flatnonzero(camera == head) if event[row] is not None and event[row] in at]
-    return np.array(rows, dtype=np.int64), np.array([at[event[row]] for row in rows], dtype=np.int64)
-
-
 def _not_used(heads: Sequence[str], why: str) -> str:
-    return f"The heads {', '.join(heads)} are read as single cameras: {why}."
+    listed = f"{', '.join(heads[:_MOST_LISTED])}{', …' if len(heads) > _MOST_LISTED else ''}"
+    return f"The heads {listed} are read as single cameras: {why}."

@@ -10,6 +10,7 @@ import pytest
 
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.formats.colmap import read_colmap_exposures
+from tasks.formats.colmap_rigs import colmap_rig_files
 from tasks.handover.block_points import no_points
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.rig_heads import rig_heads
@@ -81,6 +82,28 @@ def test_pycolmap_has_the_rig_and_its_frames(tmp_path):
     for image in found.images.values():
         place = exposures.position[names.index(image.name)]
         np.testing.assert_allclose(image.projection_center(), place, atol=1e-8)
+
+
+def test_the_binary_model_of_pycolmap_has_the_rig_that_was_written(tmp_path):
+    pycolmap = pytest.importorskip("pycolmap")
+    results = rig_block()
+    for name, content in REGISTER["colmap"].write(delivered(results, no_points(), "colmap")).items():
+        (tmp_path / name).write_text(content)
+    binary = tmp_path / "binary"
+    binary.mkdir()
+    pycolmap.Reconstruction(str(tmp_path)).write_binary(str(binary))
+    ours, theirs = (
+        read_colmap_exposures(
+            folder / f"images.{ending}", "omega-phi-kappa", colmap_rig_files(folder / f"images.{ending}")
+        )
+        for folder, ending in ((tmp_path, "txt"), (binary, "bin"))
+    )
+    assert ours.heads.keys() == theirs.heads.keys() == {"2"}
+    np.testing.assert_allclose(theirs.heads["2"].rotation, ours.heads["2"].rotation, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(theirs.heads["2"].position, ours.heads["2"].position, rtol=0, atol=1e-9)
+    assert dict(zip(theirs.image.to_pylist(), theirs.event.to_pylist(), strict=True)) == dict(
+        zip(ours.image.to_pylist(), ours.event.to_pylist(), strict=True)
+    )
 
 
 def test_heads_are_joined_by_times_or_delivered_events():
