@@ -21,11 +21,13 @@ from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.store.store import Store
 from tests.flows.adjustment_alone import adjustment_alone
+from tests.grids import diagonal_daily
 
 # Undulations of the geoid, metres: India and New Guinea are further out, Germany has 34 to 51.
 UNDULATIONS = (-30.0, 48.0)
 OMEGA_PHI_KAPPA = "project.angles=omega-phi-kappa"
 HEADINGS = "project.angles=heading-pitch-roll"
+CONVENTIONS = (HEADINGS, OMEGA_PHI_KAPPA)
 ANGLES = ("heading", "pitch", "roll", "omega", "phi", "kappa")
 # Presets with fewer points, and fewer images where there are many.
 PRESETS: Mapping[str, tuple[str, ...]] = {
@@ -67,7 +69,7 @@ def examined(project: Path, out: Path, *overrides: str) -> str:
     return "\n".join([*problems, *(mistake.what for mistake in found.mistakes)])
 
 
-@pytest.fixture(scope="module", params=[HEADINGS, OMEGA_PHI_KAPPA], ids=["heading", "omega"])
+@pytest.fixture(scope="module", params=CONVENTIONS)
 def block(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     """28 images in four crossing strips, forward and reverse."""
     return simulated(tmp_path_factory.mktemp("block"), "uce-high", request.param)
@@ -86,7 +88,9 @@ def named(tmp_path: Path) -> Callable[..., str]:
     return examine
 
 
-@pytest.mark.parametrize("undulation", UNDULATIONS)
+@pytest.mark.parametrize(
+    ("block", "undulation"), diagonal_daily(CONVENTIONS, UNDULATIONS), indirect=["block"]
+)
 def test_orthometric_heights_of_the_exposures(block: Path, named, undulation: float) -> None:
     said = named(block, lambda table: table.assign(z=table["z"] - undulation))
     assert "different height systems (geoid undulation?)" in said
@@ -106,7 +110,7 @@ def test_orthometric_heights_are_told_by_a_single_control_point(block: Path, nam
     assert "the one surveyed point comes out 30." in said or "the one surveyed point comes out 29." in said
 
 
-@pytest.mark.parametrize("limit", [11, 12])
+@pytest.mark.parametrize(("block", "limit"), diagonal_daily(CONVENTIONS, [11, 12]), indirect=["block"])
 def test_wherever_the_limit_of_control_lies_heights_are_named_as_heights(
     block: Path, named, limit: int
 ) -> None:
@@ -125,7 +129,7 @@ def test_angles_in_gon(block: Path, named) -> None:
     assert 'eclare angles.unit = "gon"' in named(block, in_gon)
 
 
-@pytest.mark.parametrize("attitude_deg", [0.3, 1.0])
+@pytest.mark.parametrize("attitude_deg", [pytest.param(0.3, marks=pytest.mark.slow), 1.0])
 def test_angles_in_gon_of_strips_to_the_north(tmp_path: Path, named, attitude_deg: float) -> None:
     """Headings near zero are nearly the same in gon; roll and pitch show it, by ten to a hundred pixels."""
     north = (
@@ -142,7 +146,7 @@ def test_angles_in_gon_of_strips_to_the_north(tmp_path: Path, named, attitude_de
     assert "image W" not in said
 
 
-@pytest.mark.parametrize("turn", [90, 180, 270])
+@pytest.mark.parametrize(("block", "turn"), diagonal_daily(CONVENTIONS, [90, 180, 270]), indirect=["block"])
 def test_images_turned_against_their_angles(block: Path, named, turn: int) -> None:
     def turned(table: pd.DataFrame) -> pd.DataFrame:
         column = "heading" if "heading" in table else "kappa"
@@ -163,7 +167,7 @@ def test_a_mounting_turned_by_half_a_turn(block: Path, tmp_path: Path) -> None:
     assert "mount_deg" in said
 
 
-@pytest.mark.parametrize("share", [1, 2])
+@pytest.mark.parametrize(("block", "share"), diagonal_daily(CONVENTIONS, [1, 2]), indirect=["block"])
 def test_one_of_two_cameras_turned(block: Path, named, share: int) -> None:
     """The strips of a second camera, every image turned by 180°, are named as that camera's."""
     project = (block / "project.toml").read_text(encoding="utf-8")
@@ -188,7 +192,7 @@ def test_one_of_two_cameras_turned(block: Path, named, share: int) -> None:
     assert "180°" in said
 
 
-@pytest.mark.parametrize("angles", [HEADINGS, OMEGA_PHI_KAPPA])
+@pytest.mark.parametrize("angles", [HEADINGS, pytest.param(OMEGA_PHI_KAPPA, marks=pytest.mark.slow)])
 def test_an_ordinary_misalignment_is_where_the_adjustment_begins(tmp_path: Path, angles: str) -> None:
     """Two degrees, as of a camera that was never calibrated; only where the boresight is estimated."""
     true = (1.5, -2.0, 1.0)
@@ -234,13 +238,13 @@ SHIFT_FREE, ALL_HELD, ARM_FREE = '"boresight", "gnss_shift"', '"boresight"', '"b
 @pytest.mark.parametrize(
     ("signs", "free", "rejection", "words"),
     [
-        ((-1, -1, -1), SHIFT_FREE, '"none"', "in all three components"),
-        ((-1, -1, -1), ALL_HELD, '"none"', "in all three components"),
+        pytest.param((-1, -1, -1), SHIFT_FREE, '"none"', "in all three components", marks=pytest.mark.slow),
+        pytest.param((-1, -1, -1), ALL_HELD, '"none"', "in all three components", marks=pytest.mark.slow),
         ((-1, -1, -1), ALL_HELD, "{ critical_value = 4.13 }", "in all three components"),
         ((-1, -1, -1), ARM_FREE, '"none"', "in all three components"),
         ((-1, 1, 1), SHIFT_FREE, "{ critical_value = 4.13 }", "along forward"),
-        ((1, -1, 1), SHIFT_FREE, '"none"', "along right"),
-        ((1, 1, -1), ALL_HELD, '"none"', "along down"),
+        pytest.param((1, -1, 1), SHIFT_FREE, '"none"', "along right", marks=pytest.mark.slow),
+        pytest.param((1, 1, -1), ALL_HELD, '"none"', "along down", marks=pytest.mark.slow),
     ],
 )
 def test_wrong_signs_of_a_lever_arm(
@@ -252,7 +256,9 @@ def test_wrong_signs_of_a_lever_arm(
     assert "correct lever_arm_m" in said
 
 
-@pytest.mark.parametrize("free", [SHIFT_FREE, ALL_HELD, ARM_FREE])
+@pytest.mark.parametrize(
+    "free", [*(pytest.param(free, marks=pytest.mark.slow) for free in (SHIFT_FREE, ALL_HELD)), ARM_FREE]
+)
 def test_a_right_lever_arm_is_not_doubted(with_lever_arm: Path, tmp_path: Path, free: str) -> None:
     assert adjusted(with_lever_arm, tmp_path, (1, 1, 1), free) == ""
 
@@ -269,15 +275,22 @@ def test_a_wrong_sign_in_height_is_named_with_the_shift_it_may_be_instead(
     assert float(found[3]) == pytest.approx(2.69, abs=0.1)
 
 
-def test_a_real_shift_is_not_taken_for_a_sign(tmp_path: Path) -> None:
+@pytest.mark.parametrize("shift", [1.5, pytest.param(-1.5, marks=pytest.mark.slow)])
+def test_a_real_shift_is_not_taken_for_a_sign(tmp_path: Path, shift: float) -> None:
     """1.5 m in height, either way, with a right lever arm of 1.2 m in height."""
-    for shift in (1.5, -1.5):
-        changes = (f"truth.lever_arm_m={list(LEVER_ARM)}", f"truth.gnss_shift_m=[0.0, 0.0, {shift}]")
-        project = simulated(tmp_path / f"{shift}", "uce-high", *changes)
-        assert adjusted(project, tmp_path / f"{shift}" / "out", (1, 1, 1), SHIFT_FREE) == ""
+    changes = (f"truth.lever_arm_m={list(LEVER_ARM)}", f"truth.gnss_shift_m=[0.0, 0.0, {shift}]")
+    project = simulated(tmp_path / "project", "uce-high", *changes)
+    assert adjusted(project, tmp_path / "out", (1, 1, 1), SHIFT_FREE) == ""
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+# Daily one preset of each kind of aircraft and height; the simulation of each is a test of its own.
+@pytest.mark.parametrize(
+    "preset",
+    [
+        pytest.param(name, marks=() if name in ("uce-low", "dmc-burn-in", "rmk-8cm") else pytest.mark.slow)
+        for name in PRESETS
+    ],
+)
 def test_good_projects_raise_no_suspicion(tmp_path: Path, preset: str) -> None:
     """Ten presets, each with the angles, the seed and the lever arm of its own."""
     number = list(PRESETS).index(preset)
@@ -314,7 +327,9 @@ def test_good_projects_raise_no_suspicion_when_adjusted(tmp_path: Path, preset: 
         assert doubts == []
 
 
-@pytest.mark.parametrize("sigma_m", [0.05, 5.0, 10.0])
+@pytest.mark.parametrize(
+    "sigma_m", [*(pytest.param(sigma, marks=pytest.mark.slow) for sigma in (0.05, 5.0)), 10.0]
+)
 def test_another_height_system_is_named_whatever_the_sigma_of_positions(
     tmp_path: Path, sigma_m: float
 ) -> None:
