@@ -106,7 +106,9 @@ def adjusted_again(project: Path, first: Path, folder: Path) -> float:
     )
 
 
-@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == "forward" else pytest.mark.slow) for name in SETS]
+)
 def test_adjusted_again_the_orientations_and_points_are_the_same(
     name: str, project: Path, calibrated: Callable[[str], Path], tmp_path: Path
 ) -> None:

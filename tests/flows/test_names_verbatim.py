@@ -23,7 +23,13 @@ def numbered(names: list[str]) -> dict[str, str]:
     return {name: FORMS[k % len(FORMS)].format(k // len(FORMS) + 1) for k, name in enumerate(sorted(names))}
 
 
-@pytest.mark.parametrize("one_word", [False, True], ids=["numbers", "numbers and a word"])
+@pytest.mark.parametrize(
+    "one_word",
+    [
+        pytest.param(False, id="numbers", marks=pytest.mark.slow),
+        pytest.param(True, id="numbers and a word"),
+    ],
+)
 def test_names_that_look_like_numbers_change_nothing(tmp_path: Path, *, one_word: bool) -> None:
     changes = ("points.count=400", "points.detection=0.7")
     for name in ("plain", "numbered"):

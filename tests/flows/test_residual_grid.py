@@ -213,7 +213,7 @@ def test_additional_parameters_first_and_then_the_grid(run) -> None:
     "overrides",
     [
         ("adjustment.rejection.critical_value=3.29",),
-        ("adjustment.variance_components=true",),
+        pytest.param(("adjustment.variance_components=true",), marks=pytest.mark.slow),
         ('adjustment.datum="free_network"', 'adjustment.observe=["ins"]', "adjustment.free=[]"),
     ],
     ids=["rejection", "variance components", "free network"],

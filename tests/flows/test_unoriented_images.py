@@ -159,7 +159,9 @@ def normalized(truth: CloseRange, outcome: RunOutcome) -> dict[str, np.ndarray]:
     }
 
 
-@pytest.mark.parametrize("relief", [0.0, 0.4], ids=["plane", "with relief"])
+@pytest.mark.parametrize(
+    "relief", [pytest.param(0.0, id="plane"), pytest.param(0.4, id="with relief", marks=pytest.mark.slow)]
+)
 def test_sixty_images_of_a_test_field_calibrate_a_camera_of_which_c_alone_is_roughly_known(
     relief: float, tmp_path: Path
 ) -> None:
