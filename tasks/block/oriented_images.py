@@ -11,6 +11,7 @@ from tasks.block.track_attitudes import with_track_attitudes
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_frame
 from tasks.errors import InputError
+from tasks.tables.places import distinct
 
 XYZ_M = ["x_m", "y_m", "z_m"]
 OPK_DEG = ["omega_deg", "phi_deg", "kappa_deg"]
@@ -23,7 +24,7 @@ def measured_exposures(
     exposures: pd.DataFrame, cameras: pd.DataFrame, measured: pd.DataFrame
 ) -> pd.DataFrame:
     """Rows of exposures.parquet of the images that are measured; an image alone gets an empty one."""
-    images = pd.Index(measured["image"].unique())
+    images = pd.Index(distinct(measured["image"]))
     own = exposures[exposures["image"].isin(images)]
     alone = images.difference(pd.Index(own["image"]))
     if len(alone) == 0:

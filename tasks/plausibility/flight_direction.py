@@ -21,7 +21,8 @@ def check_flight_direction(given: GivenOrientations) -> list[str]:
     Strips are taken in the order of time, or of the image names where there is no time. A half turn
     is named only if all strips show it, because names may count against the flight.
     """
-    quarters = [_quarter(given, number) for number, strip in enumerate(given.strips) if strip]
+    headings = given.headings()
+    quarters = [_quarter(given, headings, number) for number, strip in enumerate(given.strips) if strip]
     known = [quarter for quarter in quarters if quarter is not None]
     if len(known) == 0:
         return []
@@ -40,7 +41,7 @@ def check_flight_direction(given: GivenOrientations) -> list[str]:
     ]
 
 
-def _quarter(given: GivenOrientations, strip: int) -> int | None:
+def _quarter(given: GivenOrientations, headings: Floats, strip: int) -> int | None:
     """Quarter turns from the forward axis to the track of a strip; None if it is too short or unclear."""
     index = np.flatnonzero(given.strip_of_image == strip)
     if len(index) < 3:
@@ -53,7 +54,7 @@ def _quarter(given: GivenOrientations, strip: int) -> int | None:
     if not len(moved):
         return None
     track = np.arctan2(step[moved, 0], step[moved, 1])
-    difference: Floats = np.rad2deg(track - given.headings()[index[moved]])
+    difference: Floats = np.rad2deg(track - headings[index[moved]])
     turn = np.rad2deg(np.angle(np.mean(np.exp(1j * np.deg2rad(difference))))) % 360.0
     quarter = round(turn / 90.0)
     return quarter % 4 if abs(turn - 90.0 * quarter) < _CRAB_DEG else None

@@ -268,15 +268,14 @@ def _medians(rays: ImagePoints, found: RayResiduals, points: int, images: int) -
     several = np.bincount(rays.point, minlength=points)[rays.point] >= 2
     # A point that could not be intersected speaks against its images as a large residual does.
     length = np.where(np.isfinite(length), length, 1e9)
-    order = np.argsort(rays.image[several], kind="stable")
-    starts = np.searchsorted(rays.image[several][order], np.arange(images + 1))
-    length = length[several][order]
-    return np.array(
-        [
-            np.median(length[starts[i] : starts[i + 1]]) if starts[i + 1] > starts[i] else 0.0
-            for i in range(images)
-        ]
-    )
+    image, length = rays.image[several], length[several]
+    length = length[np.lexsort((length, image))]
+    count = np.bincount(image, minlength=images)
+    seen = np.flatnonzero(count)
+    first, count = (np.cumsum(count) - count)[seen], count[seen]
+    medians = np.zeros(images)
+    medians[seen] = 0.5 * (length[first + (count - 1) // 2] + length[first + count // 2])
+    return medians
 
 
 def _median_length(rays: ImagePoints, state: State, pixel: Floats) -> float:

@@ -64,7 +64,7 @@ def write_approximate_block(
     """Write the tables of approximate values; see `tasks.stages.approximate_values_stage`."""
     announce_compilation()
     map_frame = MapFrame.of(project.crs, project.heights)
-    measured = read_table(image_points)
+    measured = read_table(image_points, categories=True)
     surveyed_table = read_table(control_points)
     delivered, camera_table = read_table(exposures), read_table(cameras)
     given_distances = read_table(distances)

@@ -90,7 +90,7 @@ def write_adjusted_bundle(
     delivered = DeliveredTables(
         read_table(exposures),
         read_table(cameras),
-        read_table(image_points),
+        read_table(image_points, categories=True),
         read_table(control_points),
         read_table(distances),
         read_table(approximate_points),

@@ -25,12 +25,19 @@ def places_of(names: Texts, among: Texts) -> Places:
         wanted, listed = set(names), _listed(among)
         place = {listed[i]: i for i in compress(count(), map(wanted.__contains__, listed))}
         return np.array([place.get(name, -1) for name in names], dtype=np.int64)
+    if isinstance(names, pd.Series) and isinstance(names.dtype, pd.CategoricalDtype):
+        # One more, for what has no name.
+        of_category = np.append(places_of(pd.Series(names.cat.categories), among), -1)
+        return np.asarray(of_category[names.cat.codes.to_numpy()], np.int64)
     found = pc.index_in(_text(names), value_set=_text(among)).fill_null(-1)
     return np.asarray(found.to_numpy(zero_copy_only=False), np.int64)
 
 
 def distinct(names: pd.Series) -> tuple[str, ...]:
     """The names that occur, each once, in the order of their code points."""
+    if isinstance(names.dtype, pd.CategoricalDtype):
+        occurs = np.bincount(names.cat.codes[names.notna()], minlength=len(names.cat.categories)) > 0
+        names = pd.Series(names.cat.categories[occurs])
     found = pc.unique(_text(names)).drop_null()
     return tuple(found.take(pc.sort_indices(found)).to_pylist())
 

@@ -30,3 +30,11 @@ def test_without_names_there_are_no_places() -> None:
 def test_distinct_names_are_in_the_order_of_their_code_points() -> None:
     names = pd.Series(["b", "ä", "a", "b", "𝔸", "\ufffd", "Z"], dtype="str")
     assert distinct(names) == tuple(sorted(set(names)))
+
+
+def test_categories_have_the_places_of_their_texts():
+    texts = pd.Series(["b", None, "a", "b", "zz", "c"])
+    names = texts.astype(pd.CategoricalDtype(["zz", "c", "unused", "b", "a"]))
+    among = ("a", "unused", "b", "c")
+    assert places_of(names, among).tolist() == [2, -1, 0, 2, -1, 3]
+    assert distinct(names) == distinct(texts) == ("a", "b", "c", "zz")
