@@ -46,6 +46,7 @@ def simulate(
       dmc-burn-in: 40 images, 14 control points
 
       dmc2-140, dmc2-230 (2,448 images), dmc2-250: DMC II; ucd, ucxp: the same block with UltraCams
+
       dmc2-140-test, dmc2-230-test, dmc2-250-test: test blocks with full, double and single coverage
 
       uce-210: the low flight of the test field with the lens of 210 mm

@@ -65,8 +65,8 @@ def virtual_image_table(images: tuple[VirtualImage, ...]) -> Table:
         Column("sigma_x_um", "largest σ x", "µm"),
         Column("sigma_y_um", "largest σ y", "µm"),
         Column("correlation", "correlation x, y"),
-        Column("sigma_step_x_um", "largest σ of a step x", "µm"),
-        Column("sigma_step_y_um", "y", "µm"),
+        Column("sigma_step_x_um", "step: largest σ x", "µm"),
+        Column("sigma_step_y_um", "step: largest σ y", "µm"),
         Column("seam_x_um", "10 % closer: x", "µm"),
         Column("seam_y_um", "10 % closer: y", "µm"),
     )
@@ -87,7 +87,7 @@ def virtual_image_table(images: tuple[VirtualImage, ...]) -> Table:
             rows.append(Row(f"{head}@{image.name}", (str(head), *cells)))
     note = (
         "RMS and largest: errors of an image composed with the given attitudes. σ: of one composed with the "
-        "calibrated attitudes, and its strongest correlation. σ of a step: between two heads that cover the "
+        "calibrated attitudes, and its strongest correlation. Step: between two heads that cover the "
         "same point, from their joint covariance. 10 % closer: mean displacement of ground at 0.9 times the "
         "distance for which the image is composed. All points are in virtual_image.parquet."
     )
