@@ -12,8 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import log, to_heading_pitch_roll
@@ -109,6 +107,10 @@ def rigs_of(
 
 def rigs_by_events(groups: Iterable[Collection[str]]) -> dict[str, str]:
     """Head → name of its rig: heads that took images together, at any event, are of one rig."""
+    # Loaded for rigs of other programs only, as a run that finds everything stored reads none.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     number: dict[str, int] = {}
     pairs = []
     for group in groups:
