@@ -144,7 +144,8 @@ def with_rigs(records: ExposureRecords, rigs: Rigs, centre: Floats, turn: Floats
         turned = np.linalg.norm(log(one.rotation.T @ back @ turn[rows]), axis=1).max(initial=0.0)
         apart = np.einsum("nij,nj->ni", back, centre[rows] - centre[beside]) - one.position
         moved = np.linalg.norm(apart, axis=1).max(initial=0.0)
-        if moved > _RIGID_M or turned > _RIGID:
+        # Nor is what is no number, of a mounting that is no rotation.
+        if not (moved <= _RIGID_M and turned <= _RIGID):
             why = f"images of {head} are up to {moved:.3g} m and {np.rad2deg(turned):.3g}° off its mounting"
             moving[one.reference] = why
     kept = {head: one for head, one in rigs.heads.items() if one.reference not in moving}

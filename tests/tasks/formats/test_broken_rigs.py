@@ -19,6 +19,7 @@ from tasks.formats.register import CAMERA_FORMATS, read_exposures
 from tasks.formats.table_layout import TableLayout
 from tasks.handover.formats.register import REGISTER
 from tests.tasks.formats.packed_files import packed
+from tests.tasks.formats.test_fuzzing import Thrown, damage
 from tests.tasks.handover.flown_block import Flight, delivered, flown
 from tests.tasks.handover.test_exchanged_rigs import READ
 
@@ -225,3 +226,42 @@ def test_heads_with_one_camera_model_have_a_camera_each(tmp_path: Path) -> None:
     np.testing.assert_allclose(head.position, plain.heads["B"].position, rtol=0, atol=1e-9)
     cameras = CAMERA_FORMATS["opensfm"](file)
     assert cameras["head UC A"] == cameras["head B"] == cameras["UC A"]
+
+
+RIG_FILES = {
+    "colmap": ("rigs.txt", "frames.txt"),
+    "opensfm": ("reconstruction.json",),
+    "opf": ("input-cameras.json", "calibrated-cameras.json"),
+    "metashape-xml": ("metashape_cameras.xml",),
+}
+
+
+@pytest.mark.parametrize("name", RIG_FILES)
+def test_damage_of_rigs_is_refused_or_read_but_never_a_crash(name: str, tmp_path: Path) -> None:
+    few = in_json("reconstruction.json", lambda one: one["points"].clear())
+    sound = written(name, tmp_path, few if name == "opensfm" else lambda _: None)
+    content = {file: (tmp_path / file).read_bytes() for file in RIG_FILES[name]}
+    whole = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.suffix != ".zip"}
+    chance, refusals = Thrown(19), 0
+    for _ in range(300):
+        changed = {file: damage(one, chance) for file, one in content.items()}
+        for file, one in changed.items():
+            (tmp_path / file).write_bytes(one)
+        if name == "opf":
+            sound.write_bytes(packed({**whole, **changed}))
+        error, records = refusal_or_read(name, sound)
+        refusals += error is not None
+        if error is not None:
+            assert error.what
+            assert error.remedy
+            assert len(str(error)) < 5_000
+        elif records is not None:
+            assert all(np.isfinite(head.rotation).all() for head in records.heads.values())
+    assert refusals > 0
+
+
+def refusal_or_read(name: str, file: Path) -> tuple[InputError | None, ExposureRecords | None]:
+    try:
+        return None, read(name, file)
+    except InputError as error:
+        return error, None
