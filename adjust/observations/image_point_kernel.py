@@ -31,6 +31,29 @@ def in_camera(exposure, point, centres, rotations, points):
 
 
 @small_kernel
+def by_camera_point(p1, p2, p3, c, dxx, dxy, dyx, dyy, wx, wy):
+    """Direction u of a point p, and M Jp: derivatives of x and y by p, multiplied by their weights.
+
+    dxx … dyy are ∂d/∂u.
+    """
+    inverse = 1.0 / p3
+    a = -p1 * inverse
+    b = -p2 * inverse
+    depth = c * inverse
+    jx1 = -depth * (1.0 + dxx) * wx
+    jx2 = -depth * dxy * wx
+    jy1 = -depth * dyx * wy
+    jy2 = -depth * (1.0 + dyy) * wy
+    return a, b, jx1, jx2, jx1 * a + jx2 * b, jy1, jy2, jy1 * a + jy2 * b
+
+
+@small_kernel
+def by_rotation(j1, j2, j3, p1, p2, p3):
+    """M Jp [p]×: derivatives of an image coordinate by the small rotation, from those by p."""
+    return j2 * p3 - j3 * p2, -j1 * p3 + j3 * p1, j1 * p2 - j2 * p1
+
+
+@small_kernel
 def turn_to_event(row, exposure, first, heads, of_exterior, of_system):
     """Derivatives by the pose of a picture become those by the pose of its event.
 
@@ -88,34 +111,26 @@ def linearize_ray(
     p1, p2, p3 = in_camera(exposure, point, centres, rotations, points)
     camera = camera_of_image[exposure]
     c = interior[camera, 0]
-    inverse = 1.0 / p3
-    a = -p1 * inverse
-    b = -p2 * inverse
     wx = inverse_sigma[ray, 0]
     wy = inverse_sigma[ray, 1]
+    a, b, jx1, jx2, jx3, jy1, jy2, jy3 = by_camera_point(
+        p1, p2, p3, c, slope[sloped, 0, 2], slope[sloped, 0, 3], slope[sloped, 1, 2], slope[sloped, 1, 3],
+        wx, wy,
+    )  # fmt: skip
     misclosure[row, 0] = (ideal[corrected, 0] - interior[camera, 1] - c * a) * wx
     misclosure[row, 1] = (ideal[corrected, 1] - interior[camera, 2] - c * b) * wy
-    # M Jp, whitened: d(x, y)/dp
-    depth = c * inverse
-    jx1 = -depth * (1.0 + slope[sloped, 0, 2]) * wx
-    jx2 = -depth * slope[sloped, 0, 3] * wx
-    jy1 = -depth * slope[sloped, 1, 2] * wy
-    jy2 = -depth * (1.0 + slope[sloped, 1, 3]) * wy
-    jx3 = jx1 * a + jx2 * b
-    jy3 = jy1 * a + jy2 * b
     for k in range(3):
         r1, r2, r3 = rotations[exposure, k, 0], rotations[exposure, k, 1], rotations[exposure, k, 2]
         of_point[row, 0, k] = jx1 * r1 + jx2 * r2 + jx3 * r3
         of_point[row, 1, k] = jy1 * r1 + jy2 * r2 + jy3 * r3
         of_exterior[row, 0, k] = -of_point[row, 0, k]
         of_exterior[row, 1, k] = -of_point[row, 1, k]
-    # M Jp [p]x
-    of_exterior[row, 0, 3] = jx2 * p3 - jx3 * p2
-    of_exterior[row, 0, 4] = -jx1 * p3 + jx3 * p1
-    of_exterior[row, 0, 5] = jx1 * p2 - jx2 * p1
-    of_exterior[row, 1, 3] = jy2 * p3 - jy3 * p2
-    of_exterior[row, 1, 4] = -jy1 * p3 + jy3 * p1
-    of_exterior[row, 1, 5] = jy1 * p2 - jy2 * p1
+    of_exterior[row, 0, 3], of_exterior[row, 0, 4], of_exterior[row, 0, 5] = by_rotation(
+        jx1, jx2, jx3, p1, p2, p3
+    )
+    of_exterior[row, 1, 3], of_exterior[row, 1, 4], of_exterior[row, 1, 5] = by_rotation(
+        jy1, jy2, jy3, p1, p2, p3
+    )
     of_system[row, 0, 0] = (a + slope[sloped, 0, 4]) * wx
     of_system[row, 1, 0] = (b + slope[sloped, 1, 4]) * wy
     # The principal point moves the ideal image point against it.

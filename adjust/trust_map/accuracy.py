@@ -33,8 +33,9 @@ from adjust.solve.system import System
 from adjust.trust_map import accuracy_kernel, pairs_kernel
 from adjust.trust_map.cells import GroundCells, Sight
 
-# Rays of the cells that are worked on together: enough that many cells have the same images.
-_RAYS_AT_ONCE = 300_000
+# Rays of the cells that are worked on together: enough that many cells have the same images. Fewer, where
+# each ray has derivatives of its own by additional parameters.
+_RAYS_AT_ONCE, _RAYS_WITH_PARAMETERS = 1_000_000, 300_000
 # The distortion of an image point is found in so many steps; each leaves a thousandth of it at most.
 _STEPS = 3
 
@@ -139,16 +140,18 @@ def cell_accuracy(
         def work(part: tuple[int, int]) -> None:
             _fill(found, part, solution, cofactor, cells, sight, measurement, considered)
 
-        in_any_order(work, _parts(cells, sight), solution.system.threads)
+        plain = considered is None and solution.system.observations.image_points.self_calibration is None
+        together = _RAYS_AT_ONCE if plain else _RAYS_WITH_PARAMETERS
+        in_any_order(work, _parts(cells, sight, together), solution.system.threads)
     return found
 
 
-def _parts(cells: GroundCells, sight: Sight) -> list[tuple[int, int]]:
-    """Ranges of cells that end where a row of neighbours ends, with about as many rays each."""
+def _parts(cells: GroundCells, sight: Sight, together: int) -> list[tuple[int, int]]:
+    """Ranges of cells that end where a row of neighbours ends, with about so many rays each."""
     ends = np.flatnonzero(cells.neighbour < 0) + 1
     parts, first = list[tuple[int, int]](), 0
     while first < len(cells.neighbour):
-        wanted = np.searchsorted(sight.start, sight.start[first] + _RAYS_AT_ONCE)
+        wanted = np.searchsorted(sight.start, sight.start[first] + together)
         last = int(ends[min(int(np.searchsorted(ends, max(wanted, first + 1))), len(ends) - 1)])
         parts.append((first, last))
         first = last
@@ -169,27 +172,38 @@ def _fill(
     first, last = part
     start = sight.start[first : last + 1] - sight.start[first]
     image = sight.image[sight.start[first] : sight.start[last]]
-    cell = np.repeat(np.arange(last - first), np.diff(start))
+    measured = solution.system.observations.image_points
     state = replace(solution.state, object_point=cells.x_in_local[first:last])
-    rays = new_rays(
-        solution.system.observations.image_points, state, image, cell, measurement.sigma, exact=False
-    )
-    of_known = np.zeros((len(image), 2, 0))
-    if considered is not None:
-        equations = rays.linearize(state)
-        of_rest = replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
-        of_known = considered.of_residuals(of_rest)
+    slope, basis, of_known = np.zeros((1, 2, 5)), np.zeros((1, 2, 0)), np.zeros((0, 2, 0))
+    if measured.self_calibration is not None or considered is not None:
+        cell = np.repeat(np.arange(last - first), np.diff(start))
+        rays = new_rays(measured, state, image, cell, measurement.sigma, exact=False)
+        names = () if measured.self_calibration is None else measured.self_calibration.names
+        ideal = rays.ideal(state, np.arange(len(names)), with_slope=True)
+        slope, basis = ideal.slope, ideal.basis
+        if considered is not None:
+            equations = rays.linearize(state)
+            of_rest = replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
+            of_known = considered.of_residuals(of_rest)
     neighbour = cells.neighbour[first:last]
     chosen = slice(first, last)
     accuracy_kernel.cell_accuracies(
         start,
         _by_images(start, image),
         np.where(neighbour >= 0, neighbour - first, -1),
+        np.ascontiguousarray(state.object_point),
         cells.local_from_axes[first:last],
         image,
-        _geometry(rays, state),
+        (
+            measured.camera_of_image,
+            state.projection_centre,
+            state.local_from_camera,
+            state.system[INTERIOR_ORIENTATION],
+            slope,
+            basis,
+        ),
         of_known,
-        _columns(solution.system, rays),
+        _columns(solution.system),
         cofactor.pattern.row_start,
         cofactor.pattern.column,
         cofactor.blocks,
@@ -243,26 +257,9 @@ def new_rays(
     return rays
 
 
-def _geometry(rays: ImagePoints, state: State) -> tuple[Ints | Floats, ...]:
-    """What the kernel linearizes rays with: cameras, orientations, cells, and effects of parameters."""
-    parameters = 0 if rays.self_calibration is None else len(rays.self_calibration.names)
-    ideal = rays.ideal(state, np.arange(parameters), with_slope=True)
-    return (
-        rays.camera_of_image,
-        state.projection_centre,
-        state.local_from_camera,
-        state.object_point,
-        state.system[INTERIOR_ORIENTATION],
-        ideal.xy,
-        ideal.slope,
-        ideal.basis,
-        np.ones((len(rays.image), 2)),
-    )
-
-
-def _columns(system: System, rays: ImagePoints) -> Ints:
+def _columns(system: System) -> Ints:
     """Column of the border of c, x0, y0 and all additional parameters of each image, (n, w); −1: held."""
-    columns = system.layout.columns
+    columns, rays = system.layout.columns, system.observations.image_points
     of_image = columns[INTERIOR_ORIENTATION][rays.camera_of_image]
     if rays.self_calibration is None:
         return of_image

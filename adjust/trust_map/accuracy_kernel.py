@@ -3,94 +3,45 @@
 With the derivatives A of the rays of a point by its coordinates and B by the orientations and system
 parameters z of the images, whose joint covariance is Q, and image coordinates of variance s²,
 
-    G = (Aᵀ A)⁻¹ Aᵀ,    W = B Q Bᵀ,    C = s² (Aᵀ A)⁻¹ + G W Gᵀ.
+    G = (Aᵀ A)⁻¹ Aᵀ,    F = G B,    C = s² (Aᵀ A)⁻¹ + F Q Fᵀ.
 
-W holds every pair of rays, so each pair of images is a part of it. Cells with the same images are worked on
-side by side (`lane_kernel`); scratch arrays are made once for all cells.
+Q Fᵀ is multiplied once for each cell. It also gives G W, with the covariance W = B Q Bᵀ of the rays, and the
+difference of two cells with the same images. Of W itself only what belongs to a ray, or to a pair that may be
+the best one, is computed. Cells with the same images are worked on side by side (`lane_kernel`); scratch
+arrays are made once for all cells.
 """
 
 import numpy as np
 
-from adjust.compiled import kernel, small_kernel
-from adjust.observations.image_point_kernel import linearize_ray
+from adjust.compiled import kernel
 from adjust.trust_map.joint_kernel import (
-    add_considered,
-    add_systems,
+    add_systems_and_errors,
     gather,
-    joint_blocks,
     joint_movements,
+    own_covariances,
     places,
+    system_covariances,
 )
-from adjust.trust_map.lane_kernel import LANES, STEP
-from adjust.trust_map.pairs_kernel import (
-    best_pair,
-    height_bounds,
-    inverse_of_pair,
-    same_images,
-    variance_of_pair,
+from adjust.trust_map.lane_kernel import LANES, STEP, add_six_rows, set_six_rows, six_rows
+from adjust.trust_map.pairs_kernel import best_pairs, height_bounds, same_images
+from adjust.trust_map.rays_kernel import ROWS_OF_SLOPE, derivatives, put_cells, put_errors
+from adjust.trust_map.relative_kernel import (
+    common_rays,
+    covariances,
+    leave_out,
+    of_unknowns,
+    subtract,
+    variances,
+    variances_of_differences,
 )
-from adjust.trust_map.relative_kernel import differences, of_common_images, of_unknowns, variances
 
-# Rows of what belongs to a cell: upper triangles of (Aᵀ A)⁻¹ and of Aᵀ A (then of G W Gᵀ), the largest
-# effects, coordinates whose errors show in no residual, the smallest error of one that is found, whether
-# there is a point, and the diagonal of the (Aᵀ A)⁻¹ of a difference.
-_INVERSE, _NORMAL, _EXTERNAL, _UNCONTROLLED, _ERROR, _THERE, _OF_DIFFERENCE = 0, 6, 12, 15, 16, 17, 18
-_ROWS_OF_CELL = 21
+# Rows of what belongs to a cell: upper triangles of (Aᵀ A)⁻¹ and of Aᵀ A (then of F Q Fᵀ), the largest
+# effects, coordinates whose errors show in no residual, the smallest error of one that is found, and whether
+# there is a point.
+_INVERSE, _NORMAL, _EXTERNAL, _UNCONTROLLED, _ERROR, _THERE = 0, 6, 12, 15, 16, 17
+_ROWS_OF_CELL = 18
 # Rows of a diagonal in those of the upper triangle.
 _DIAGONAL = (0, 3, 5)
-
-
-@kernel
-def rays_of_cell(cell, first, last, image, geometry, axes, misclosure, of_exposure, of_system, of_point):
-    """Derivatives of the rays of a cell, in the rows from 0 on; those by the point in the axes (3, 3)."""
-    camera_of_image, centres, rotations, points, interior, ideal, slope, basis, inverse_sigma = geometry
-    base = np.int64(0)
-    for a in range(last - first):
-        linearize_ray(
-            first + a, cell, base, image, camera_of_image, centres, rotations, None, points, interior, ideal,
-            slope, basis, inverse_sigma, a, misclosure, of_exposure, of_system, of_point,
-        )  # fmt: skip
-        for r in range(2):
-            x, y, z = of_point[a, r, 0], of_point[a, r, 1], of_point[a, r, 2]
-            for c in range(3):
-                of_point[a, r, c] = x * axes[c, 0] + y * axes[c, 1] + z * axes[c, 2]
-
-
-@kernel
-def put_side_by_side(lane, count, values, rows):
-    """Write the first values (count, 2, w) into row 2 (w a + s) + r of a cell."""
-    width = values.shape[2]
-    for a in range(count):
-        for s in range(width):
-            for r in range(2):
-                rows[(2 * (width * a + s) + r) * LANES + lane] = values[a, r, s]
-
-
-@small_kernel
-def six_rows(values, at):
-    """Six rows that follow each other."""
-    return (
-        values[np.uintp(at)], values[np.uintp(at + LANES)], values[np.uintp(at + 2 * LANES)],
-        values[np.uintp(at + 3 * LANES)], values[np.uintp(at + 4 * LANES)], values[np.uintp(at + 5 * LANES)],
-    )  # fmt: skip
-
-
-@small_kernel
-def set_six_rows(out, o, a, b, c, d, e, f):
-    """Fill six rows that follow each other."""
-    out[np.uintp(o)], out[np.uintp(o + LANES)], out[np.uintp(o + 2 * LANES)] = a, b, c
-    out[np.uintp(o + 3 * LANES)], out[np.uintp(o + 4 * LANES)], out[np.uintp(o + 5 * LANES)] = d, e, f
-
-
-@small_kernel
-def add_six_rows(out, o, a, b, c, d, e, f):
-    """Add to six rows that follow each other."""
-    out[np.uintp(o)] += a
-    out[np.uintp(o + LANES)] += b
-    out[np.uintp(o + 2 * LANES)] += c
-    out[np.uintp(o + 3 * LANES)] += d
-    out[np.uintp(o + 4 * LANES)] += e
-    out[np.uintp(o + 5 * LANES)] += f
 
 
 @kernel
@@ -130,35 +81,27 @@ def gains(k, m, of_point, normals, of_cell, gain):
 
 
 @kernel
-def of_all_rays(k, m, of_point, gain, joint, moved, variance, critical, least_control, of_cell):
-    """C − s² (Aᵀ A)⁻¹ from all rays, and the largest effects of an undetected error in one of them.
+def of_all_rays(k, m, of_point, gain, own, moved, variance, critical, least_control, of_cell):
+    """The largest effects of an undetected error in one of all rays.
 
     The residual of coordinate i has the variance (R (s² I + W) Rᵀ)_ii with R = I − A G. An error of
 
         ∇ = δ0 σ_v / R_ii
 
     is found with the power that belongs to δ0, and moves the point by G_i ∇. Coordinates with R_ii below the
-    least control, whose errors show in no residual, are counted apart. moved is G W.
+    least control, whose errors show in no residual, are counted apart. moved is G W; own has the diagonal
+    of W.
     """
-    of_cell[_NORMAL * LANES : (_UNCONTROLLED + 1) * LANES] = 0.0
-    for a in range(k):
-        for n in range(m):
-            x0, x1, x2, y0, y1, y2 = six_rows(moved, 6 * a * LANES + n)
-            u0, u1, u2, v0, v1, v2 = six_rows(gain, 6 * a * LANES + n)
-            add_six_rows(
-                of_cell, _NORMAL * LANES + n, x0 * u0 + y0 * v0, x0 * u1 + y0 * v1, x0 * u2 + y0 * v2,
-                x1 * u1 + y1 * v1, x1 * u2 + y1 * v2, x2 * u2 + y2 * v2,
-            )  # fmt: skip
+    of_cell[_EXTERNAL * LANES : (_UNCONTROLLED + 1) * LANES] = 0.0
     for j in range(2 * k):
-        # The block of a ray with itself, its diagonal.
-        diagonal = (4 * (k * (j // 2) + j // 2) + 3 * (j % 2)) * LANES
+        diagonal = (3 * (j // 2) + 2 * (j % 2)) * LANES
         for n in range(m):
             at = np.uintp(3 * j * LANES + n)
             at1, at2 = at + np.uintp(LANES), at + np.uintp(2 * LANES)
             x, y, z = of_point[at], of_point[at1], of_point[at2]
             xx, xy, xz, yy, yz, zz = six_rows(of_cell, _NORMAL * LANES + n)
             control = 1.0 - (x * gain[at] + y * gain[at1] + z * gain[at2])
-            spread = joint[np.uintp(diagonal + n)] - 2.0 * (x * moved[at] + y * moved[at1] + z * moved[at2])
+            spread = own[np.uintp(diagonal + n)] - 2.0 * (x * moved[at] + y * moved[at1] + z * moved[at2])
             spread += x * (x * xx + 2.0 * y * xy) + y * (y * yy + 2.0 * z * yz) + z * (z * zz + 2.0 * x * xz)
             controlled = control >= least_control
             error = critical * np.sqrt(max(variance * control + spread, 0.0)) / control
@@ -166,83 +109,17 @@ def of_all_rays(k, m, of_point, gain, joint, moved, variance, critical, least_co
             of_cell[np.uintp(_UNCONTROLLED * LANES + n)] += 0.0 if controlled else 1.0
         for n in range(m):
             for c in range(3):
-                row, own = (3 * j + c) * LANES + n, (_EXTERNAL + c) * LANES + n
+                row, o = (3 * j + c) * LANES + n, (_EXTERNAL + c) * LANES + n
                 effect = abs(gain[np.uintp(row)]) * of_cell[np.uintp(_ERROR * LANES + n)]
-                before = of_cell[np.uintp(own)]
-                of_cell[np.uintp(own)] = effect if effect > before else before
+                before = of_cell[np.uintp(o)]
+                of_cell[np.uintp(o)] = effect if effect > before else before
 
 
 @kernel
-def put_together(
-    at, count, m, ordered, start, neighbour, axes, image, geometry, of_known, place, misclosure, of_exposure,
-    of_system, of_point, common, inverses, scratch, exposures, systems, points, knowns, other_f, other_errors,
-    kind, of_cell,
-):  # fmt: skip
-    """Derivatives of the rays of some cells with the same images side by side, and what neighbours need.
-
-    Places beyond the cells repeat the last one. kind (m,) says of the neighbour of each cell: 1, it is the
-    next one; 2, other images see it, and other_f and other_errors are filled; 0, there is none.
-    """
-    for lane in range(m):
-        j = ordered[at + min(lane, count - 1)]
-        first, last = start[j], start[j + 1]
-        rays_of_cell(
-            j, first, last, image, geometry, axes[j], misclosure[0], of_exposure[0], of_system[0], of_point[0]
-        )
-        put_side_by_side(lane, last - first, of_exposure[0], exposures)
-        put_side_by_side(lane, last - first, of_system[0], systems)
-        put_side_by_side(lane, last - first, of_known[first:last], knowns)
-        for a in range(last - first):
-            for r in range(2):
-                for c in range(3):
-                    points[(3 * (2 * a + r) + c) * LANES + lane] = of_point[0, a, r, c]
-        other = neighbour[j]
-        kind[lane] = 0
-        if other < 0 or lane >= count:
-            continue
-        if lane + 1 < count and other == ordered[at + lane + 1]:
-            kind[lane] = 1
-            continue
-        other_first, other_last = start[other], start[other + 1]
-        rays_of_cell(
-            other, other_first, other_last, image, geometry, axes[other], misclosure[1], of_exposure[1],
-            of_system[1], of_point[1],
-        )  # fmt: skip
-        if of_common_images(
-            first, last, other_first, other_last, image, place, of_exposure, of_point, of_system, of_known,
-            common, inverses, scratch, other_f[lane], other_errors[lane],
-        ):  # fmt: skip
-            kind[lane] = 2
-            for c in range(3):
-                of_cell[(_OF_DIFFERENCE + c) * LANES + lane] = inverses[0, c, c] + inverses[1, c, c]
-
-
-@kernel
-def differences_of_sets(m, count, d, errors, kind, other_f, other_errors, shifts, shift_errors, of_cell):
-    """Put the differences between cells that other images see among the others, and complete those."""
+def write_cells(count, cell, variance, of_cell, sigma, external, uncontrolled):
+    """Fill in what follows from all rays."""
     for lane in range(count):
-        if kind[lane] == 2:
-            for c in range(3):
-                for i in range(d):
-                    shifts[(3 * i + c) * m + lane] = other_f[lane, c, i]
-                for q in range(errors):
-                    shift_errors[(3 * q + c) * LANES + lane] = other_errors[lane, c, q]
-        elif kind[lane] == 1:
-            for c in range(3):
-                diagonal = _DIAGONAL[c] * LANES + lane
-                of_cell[(_OF_DIFFERENCE + c) * LANES + lane] = of_cell[diagonal] + of_cell[diagonal + 1]
-            if of_cell[_THERE * LANES + lane + 1] == 0.0:
-                kind[lane] = 0
-
-
-@kernel
-def write_cells(
-    at, count, k, m, pair, ordered, kind, variance, of_cell, total, bounds, normals, points, joint, scratch,
-    inverse, sigma, sigma_of_pair, sigma_relative, external, uncontrolled,
-):  # fmt: skip
-    """Fill in the results of some cells; returns the best pair of the last one."""
-    for lane in range(count):
-        j = ordered[at + lane]
+        j = cell[lane]
         if of_cell[_THERE * LANES + lane] == 0.0:
             continue
         uncontrolled[j] = int(of_cell[_UNCONTROLLED * LANES + lane])
@@ -250,99 +127,144 @@ def write_cells(
             diagonal = _DIAGONAL[c] * LANES + lane
             sigma[j, c] = np.sqrt(variance * of_cell[diagonal] + of_cell[_NORMAL * LANES + diagonal])
             external[j, c] = of_cell[(_EXTERNAL + c) * LANES + lane]
-            if kind[lane] > 0:
-                own = variance * of_cell[(_OF_DIFFERENCE + c) * LANES + lane]
-                sigma_relative[j, c] = np.sqrt(total[c * m + lane] + own)
-        pair = best_pair(lane, k, pair, bounds, normals, points, joint, variance, scratch, inverse)
-        if pair >= 0:
-            a, b = pair // k, pair % k
-            inverse_of_pair(lane, a, b, normals, scratch, inverse)
+
+
+@kernel
+def write_differences(count, cell, neighbour, variance, of_cell, total, sigma_relative, left, others):
+    """Fill in the differences from cells in the next lane; the other cells with a neighbour join the left."""
+    for lane in range(count):
+        j = cell[lane]
+        if neighbour[j] < 0:
+            continue
+        if lane + 1 == count or neighbour[j] != cell[lane + 1]:
+            others[left] = j
+            left += 1
+        elif of_cell[_THERE * LANES + lane] > 0.0 and of_cell[_THERE * LANES + lane + 1] > 0.0:
             for c in range(3):
-                value = variance_of_pair(lane, k, a, b, c, inverse, points, joint, variance)
-                sigma_of_pair[j, c] = np.sqrt(value)
-    return pair
+                diagonal = _DIAGONAL[c] * LANES + lane
+                own = variance * (of_cell[diagonal] + of_cell[diagonal + 1])
+                sigma_relative[j, c] = np.sqrt(total[c * LANES + lane] + own)
+    return left
 
 
 @kernel
 def cell_accuracies(
-    start, ordered, neighbour, axes, image, geometry, of_known, columns, row_start, column, blocks, border,
-    corner, scale, variance, critical, least_control, sigma, sigma_of_pair, sigma_relative, external,
-    uncontrolled,
+    start, ordered, neighbour, x_in_local, axes, image, geometry, of_known, columns, row_start, column,
+    blocks, border, corner, scale, variance, critical, least_control, sigma, sigma_of_pair, sigma_relative,
+    external, uncontrolled,
 ):  # fmt: skip
     """Everything about the m cells whose rays start[j] … start[j + 1] − 1 are, images ascending.
 
     ordered (m,) are the cells in the order in which they are worked on, best those with the same images one
-    after another. geometry is what :func:`~adjust.observations.image_point_kernel.linearize_ray` wants to
-    know of cameras, cells and rays. Derivatives by the cell are turned into its axes (m, 3, 3); those by
-    system parameters are by the columns (n, w) of the border of each image (−1: held); of_known (r, 2, q)
-    are the effects of considered parameters. variance is s². Fills sigma, sigma_of_pair, sigma_relative and
-    external (m, 3) and uncontrolled (m,); cells of fewer than two rays keep what is there.
+    after another. geometry is what :func:`~adjust.trust_map.rays_kernel.derivatives` wants to know of
+    cameras and rays. Derivatives by the cell are turned into its axes (m, 3, 3); those by system parameters
+    are by the columns (n, w) of the border of each image (−1: held); of_known (r, 2, q) are the effects of
+    considered parameters, with r = 0 without any. variance is s². Fills sigma, sigma_of_pair, sigma_relative
+    and external (m, 3) and uncontrolled (m,); cells of fewer than two rays keep what is there.
     """
     cells, width, errors, most = start.shape[0] - 1, columns.shape[1], of_known.shape[2], 1
     for j in range(cells):
         most = max(most, start[j + 1] - start[j])
-    unknowns = 6 * most + corner.shape[0]
-    # Of a cell and of its neighbour.
-    misclosure, of_point = np.empty((2, most, 2)), np.empty((2, most, 2, 3))
-    of_exposure, of_system = np.empty((2, most, 2, 6)), np.empty((2, most, 2, width))
-    common, inverses, scratch = np.zeros((most, 2), np.int64), np.zeros((2, 3, 3)), np.zeros((3, 3))
-    other_f, other_errors = np.zeros((LANES, 3, unknowns)), np.zeros((LANES, 3, errors))
+    unknowns, others = 6 * most + corner.shape[0], np.zeros(cells, np.int64)
     # Side by side.
     exposures, systems = np.zeros(12 * most * LANES), np.zeros(2 * most * width * LANES)
     points, knowns = np.zeros(6 * most * LANES), np.zeros(2 * most * errors * LANES)
     normals, gain = np.zeros(6 * most * LANES), np.zeros(6 * most * LANES)
     moved = np.zeros(6 * most * LANES)
-    joint, bounds = np.zeros(4 * most * most * LANES), np.zeros(most * most * LANES)
-    rows, product = np.zeros(2 * unknowns * LANES), np.zeros(3 * unknowns * LANES)
-    f, shifts = np.zeros(3 * unknowns * LANES + 1), np.zeros(3 * unknowns * LANES)
-    pairs = np.zeros(36 * most * most)
-    f_errors, total = np.zeros(3 * errors * LANES + 1), np.zeros(3 * LANES)
-    shift_errors = np.zeros(3 * errors * LANES)
-    of_cell = np.zeros(_ROWS_OF_CELL * LANES)
+    own, common, bounds = np.zeros(3 * most * LANES), np.zeros(most * LANES), np.zeros(most * most * LANES)
+    crossing = np.zeros(2 * most * corner.shape[0] * LANES)
+    both = np.zeros(2 * most * corner.shape[0] * LANES)
+    # One more: the last cell is looked beyond.
+    f, movement = np.zeros(3 * unknowns * LANES + 1), np.zeros(3 * unknowns * LANES + 1)
+    f_errors, of_other = np.zeros(3 * errors * LANES + 1), np.zeros(3 * errors * LANES + 1)
+    of_cell, other_cell = np.zeros(_ROWS_OF_CELL * LANES), np.zeros(_ROWS_OF_CELL * LANES)
+    total, where, slopes = np.zeros(3 * LANES), np.zeros(12 * LANES), np.zeros(ROWS_OF_SLOPE * LANES)
+    cell, next_cell = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    ray, other_ray = np.zeros(most * LANES, np.int64), np.zeros(most * LANES, np.int64)
     space, place = np.zeros(unknowns * unknowns), np.zeros((most, width), np.int64)
-    used, kind = np.zeros(corner.shape[0], np.int64), np.zeros(LANES, np.int64)
-    at, d, pair = 0, 0, -1
-    known = space[:0].reshape(0, 0)
+    used, chosen, best = np.zeros(corner.shape[0], np.int64), np.zeros(LANES, np.int64), np.zeros(LANES)
+    rows, found, of_pair = np.zeros(11 * LANES), np.zeros(3 * LANES), np.zeros(3 * LANES)
+    at = 0
     while at < cells:
-        j = ordered[at]
-        first, last = start[j], start[j + 1]
-        k = last - first
+        first = start[ordered[at]]
+        k = start[ordered[at] + 1] - first
+        end = at + 1
+        while end < cells and same_images(
+            first, first + k, start[ordered[end]], start[ordered[end] + 1], image
+        ):
+            end += 1
         if k < 2:
-            at += 1
+            at = end
             continue
-        before = ordered[at - 1] if at > 0 else j
-        if d == 0 or not same_images(first, last, start[before], start[before + 1], image):
-            pair = -1
-            d = places(first, last, image, columns, place, used)
-            known = space[: d * d].reshape(d, d)
-            gather(first, last, image, used, row_start, column, blocks, border, corner, scale, pairs, known)
-        count = 1
-        while count < LANES and at + count < cells:
-            j = ordered[at + count]
-            if not same_images(first, last, start[j], start[j + 1], image):
-                break
-            count += 1
-        m = min(-(-count // STEP) * STEP, LANES)
-        put_together(
-            at, count, m, ordered, start, neighbour, axes, image, geometry, of_known, place, misclosure,
-            of_exposure, of_system, of_point, common, inverses, scratch, exposures, systems, points, knowns,
-            other_f, other_errors, kind, of_cell,
-        )  # fmt: skip
-        gains(k, m, points, normals, of_cell, gain)
-        joint_blocks(k, m, pairs, exposures, joint)
-        if d > 6 * k:
-            add_systems(k, m, known, place, exposures, systems, rows, joint)
-        add_considered(k, m, errors, knowns, joint)
-        joint_movements(k, m, gain, joint, moved)
-        of_unknowns(k, m, d, place, gain, exposures, systems, errors, knowns, f, f_errors)
-        differences(3 * d, m, f, m, shifts)
-        differences(3 * errors, m, f_errors, LANES, shift_errors)
-        differences_of_sets(m, count, d, errors, kind, other_f, other_errors, shifts, shift_errors, of_cell)
-        variances(m, known, shifts, errors, shift_errors, product, total)
-        of_all_rays(k, m, points, gain, joint, moved, variance, critical, least_control, of_cell)
-        height_bounds(k, m, normals, variance, bounds)
-        pair = write_cells(
-            at, count, k, m, pair, ordered, kind, variance, of_cell, total, bounds, normals, points, joint,
-            scratch, inverses[0], sigma, sigma_of_pair, sigma_relative, external, uncontrolled,
-        )  # fmt: skip
-        at += count
+        d = places(first, first + k, image, columns, place, used)
+        known, free = space[: d * d].reshape(d, d), d > 6 * k
+        gather(first, first + k, image, used, row_start, column, blocks, border, corner, scale, known)
+        left, pair = 0, -1
+        while at < end:
+            count = min(LANES, end - at)
+            m = -(-count // STEP) * STEP
+            for n in range(m):
+                cell[n] = ordered[at + min(n, count - 1)]
+                for a in range(k):
+                    ray[a * LANES + n] = start[cell[n]] + a
+            put_cells(m, cell, x_in_local, axes, where)
+            derivatives(k, m, first, image, ray, geometry, free, where, slopes, exposures, systems, points)
+            put_errors(k, m, ray, of_known, knowns)
+            gains(k, m, points, normals, of_cell, gain)
+            of_unknowns(k, m, d, place, gain, exposures, systems, errors, knowns, f, f_errors)
+            np.dot(known, f[: 3 * d * m].reshape(d, 3 * m), movement[: 3 * d * m].reshape(d, 3 * m))
+            covariances(m, d, f, movement, errors, f_errors, of_cell, _NORMAL)
+            joint_movements(k, m, place, movement, exposures, systems, errors, f_errors, knowns, moved)
+            own_covariances(k, m, d, space, exposures, own)
+            if free:
+                system_covariances(k, m, known, place, exposures, systems, crossing, both)
+            add_systems_and_errors(k, m, d - 6 * k, place, systems, crossing, both, errors, knowns, own)
+            of_all_rays(k, m, points, gain, own, moved, variance, critical, least_control, of_cell)
+            write_cells(count, cell, variance, of_cell, sigma, external, uncontrolled)
+            variances_of_differences(m, d, f, movement, errors, f_errors, total)
+            left = write_differences(
+                count, cell, neighbour, variance, of_cell, total, sigma_relative, left, others
+            )
+            height_bounds(k, m, normals, variance, bounds)
+            best_pairs(
+                k, m, d, pair, bounds, normals, space, place, points, own, exposures, systems, crossing,
+                both, errors, knowns, variance, rows, best, chosen, found, of_pair,
+            )  # fmt: skip
+            for lane in range(count):
+                if chosen[lane] >= 0 and of_cell[_THERE * LANES + lane] > 0.0:
+                    for c in range(3):
+                        sigma_of_pair[cell[lane], c] = np.sqrt(of_pair[c * LANES + lane])
+            pair = chosen[count - 1]
+            at += count
+        # Differences from cells that other images see, in their common images.
+        for done in range(0, left, LANES):
+            count = min(LANES, left - done)
+            m = -(-count // STEP) * STEP
+            for n in range(m):
+                cell[n] = others[done + min(n, count - 1)]
+                next_cell[n] = neighbour[cell[n]]
+            common_rays(m, k, cell, next_cell, first, start, image, ray, other_ray, common)
+            put_cells(m, cell, x_in_local, axes, where)
+            derivatives(k, m, first, image, ray, geometry, free, where, slopes, exposures, systems, points)
+            leave_out(m, k, common, points)
+            put_errors(k, m, ray, of_known, knowns)
+            gains(k, m, points, normals, of_cell, gain)
+            of_unknowns(k, m, d, place, gain, exposures, systems, errors, knowns, f, f_errors)
+            put_cells(m, next_cell, x_in_local, axes, where)
+            derivatives(
+                k, m, first, image, other_ray, geometry, free, where, slopes, exposures, systems, points
+            )
+            leave_out(m, k, common, points)
+            put_errors(k, m, other_ray, of_known, knowns)
+            gains(k, m, points, normals, other_cell, gain)
+            of_unknowns(k, m, d, place, gain, exposures, systems, errors, knowns, movement, of_other)
+            subtract(3 * d * m, f, movement)
+            subtract(3 * errors * m, f_errors, of_other)
+            np.dot(known, f[: 3 * d * m].reshape(d, 3 * m), movement[: 3 * d * m].reshape(d, 3 * m))
+            variances(m, d, f, movement, errors, f_errors, total)
+            for lane in range(count):
+                if of_cell[_THERE * LANES + lane] > 0.0 and other_cell[_THERE * LANES + lane] > 0.0:
+                    for c in range(3):
+                        diagonal = _DIAGONAL[c] * LANES + lane
+                        own_part = variance * (of_cell[diagonal] + other_cell[diagonal])
+                        sigma_relative[cell[lane], c] = np.sqrt(total[c * LANES + lane] + own_part)

@@ -34,3 +34,30 @@ def add_product(out, o, x, i, y, j, m):
     """Add a row times a row."""
     for n in range(m):
         out[np.uintp(o + n)] += x[np.uintp(i + n)] * y[np.uintp(j + n)]
+
+
+@small_kernel
+def six_rows(values, at):
+    """Six rows that follow each other."""
+    return (
+        values[np.uintp(at)], values[np.uintp(at + LANES)], values[np.uintp(at + 2 * LANES)],
+        values[np.uintp(at + 3 * LANES)], values[np.uintp(at + 4 * LANES)], values[np.uintp(at + 5 * LANES)],
+    )  # fmt: skip
+
+
+@small_kernel
+def set_six_rows(out, o, a, b, c, d, e, f):
+    """Fill six rows that follow each other."""
+    out[np.uintp(o)], out[np.uintp(o + LANES)], out[np.uintp(o + 2 * LANES)] = a, b, c
+    out[np.uintp(o + 3 * LANES)], out[np.uintp(o + 4 * LANES)], out[np.uintp(o + 5 * LANES)] = d, e, f
+
+
+@small_kernel
+def add_six_rows(out, o, a, b, c, d, e, f):
+    """Add to six rows that follow each other."""
+    out[np.uintp(o)] += a
+    out[np.uintp(o + LANES)] += b
+    out[np.uintp(o + 2 * LANES)] += c
+    out[np.uintp(o + 3 * LANES)] += d
+    out[np.uintp(o + 4 * LANES)] += e
+    out[np.uintp(o + 5 * LANES)] += f

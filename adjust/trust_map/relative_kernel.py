@@ -1,120 +1,136 @@
-"""Accuracy of the difference of two points that are measured in the same images, compiled.
+"""How points move with the orientations of their images, and differences of two of them, compiled.
 
-C = s² (M_a⁻¹ + M_b⁻¹) + F Q Fᵀ,    F = G_a B_a − G_b B_b,    image by image.
+F = G B,    difference: F_a − F_b,    image by image.
 """
 
 import numpy as np
 
 from adjust.compiled import kernel, small_kernel
-from adjust.trust_map.lane_kernel import LANES, clear
-from adjust.trust_map.pairs_kernel import invert
+from adjust.trust_map.lane_kernel import LANES, add_product, add_six_rows, clear
 
 
 @small_kernel
-def add_gains(f, own, gain, at, values, i, m):
-    """Add to three rows of f the gains of a ray times two rows: derivatives of x and y."""
+def weigh(f, o, gain, g, values, v, m):
+    """Fill a row with the gains of a ray times two rows: derivatives of x and y."""
     for n in range(m):
-        g = at + n
-        x, y = values[np.uintp(i + n)], values[np.uintp(i + LANES + n)]
-        f[np.uintp(own + n)] += gain[np.uintp(g)] * x + gain[np.uintp(g + 3 * LANES)] * y
-        f[np.uintp(own + LANES + n)] += gain[np.uintp(g + LANES)] * x + gain[np.uintp(g + 4 * LANES)] * y
-        f[np.uintp(own + 2 * LANES + n)] += (
-            gain[np.uintp(g + 2 * LANES)] * x + gain[np.uintp(g + 5 * LANES)] * y
+        f[np.uintp(o + n)] = (
+            gain[np.uintp(g + n)] * values[np.uintp(v + n)]
+            + gain[np.uintp(g + 3 * LANES + n)] * values[np.uintp(v + LANES + n)]
+        )
+
+
+@small_kernel
+def add_weighed(f, o, gain, g, values, v, m):
+    """Add the gains of a ray times two rows."""
+    for n in range(m):
+        f[np.uintp(o + n)] += (
+            gain[np.uintp(g + n)] * values[np.uintp(v + n)]
+            + gain[np.uintp(g + 3 * LANES + n)] * values[np.uintp(v + LANES + n)]
         )
 
 
 @kernel
 def of_unknowns(k, m, d, place, gain, of_exposure, of_system, errors, of_known, f, of_errors):
-    """Fill the rows 3 i + c of f with G B by z of m cells, and 3 q + c of of_errors by considered errors."""
+    """Fill f (d, 3, m) with G B by z of m cells, and of_errors (q, 3, m) by considered errors."""
     width = place.shape[1]
-    clear(f, 0, 3 * d * LANES)
-    clear(of_errors, 0, 3 * errors * LANES)
+    clear(f, 18 * k * m, 3 * (d - 6 * k) * m)
+    clear(of_errors, 0, 3 * errors * m)
     for a in range(k):
-        at = 6 * a * LANES
-        for q in range(6):
-            i = 6 * a + q
-            add_gains(f, 3 * i * LANES, gain, at, of_exposure, 2 * i * LANES, m)
-        for s in range(width):
-            if place[a, s] >= 0:
-                add_gains(f, 3 * place[a, s] * LANES, gain, at, of_system, 2 * (width * a + s) * LANES, m)
-        for q in range(errors):
-            add_gains(of_errors, 3 * q * LANES, gain, at, of_known, 2 * (errors * a + q) * LANES, m)
+        for c in range(3):
+            g = (6 * a + c) * LANES
+            for q in range(6):
+                i = 6 * a + q
+                weigh(f, (3 * i + c) * m, gain, g, of_exposure, 2 * i * LANES, m)
+            for s in range(width):
+                if place[a, s] >= 0:
+                    at = 2 * (width * a + s) * LANES
+                    add_weighed(f, (3 * place[a, s] + c) * m, gain, g, of_system, at, m)
+            for q in range(errors):
+                add_weighed(of_errors, (3 * q + c) * m, gain, g, of_known, 2 * (errors * a + q) * LANES, m)
 
 
 @kernel
-def of_common_images(
-    first, last, other_first, other_last, image, place, of_exposure, of_point, of_system, of_known, common,
-    inverses, normal, f, of_errors,
-):  # fmt: skip
-    """Fill f (3, d) with F and of_errors (3, q) where only some images see both points; false without two.
-
-    of_exposure (2, k, 2, 6), of_point (2, k, 2, 3) and of_system (2, k, 2, w) are those of the two points.
-    inverses (2, 3, 3) gets the (AᵀA)⁻¹ of the two from these images. The rows of z are those of the images
-    of the first point.
-    """
-    k, b = 0, other_first
-    for a in range(first, last):
-        while b < other_last and image[b] < image[a]:
-            b += 1
-        if b < other_last and image[b] == image[a]:
-            common[k, 0], common[k, 1] = a, b
-            k += 1
-    f[:] = 0.0
-    of_errors[:] = 0.0
-    for side in range(2):
-        begin = first if side == 0 else other_first
-        normal[:] = 0.0
-        for i in range(k):
-            n = common[i, side] - begin
-            for r in range(2):
-                for c in range(3):
-                    for q in range(3):
-                        normal[c, q] += of_point[side, n, r, c] * of_point[side, n, r, q]
-        if k < 2 or not invert(normal, inverses[side]):
-            return False
-        for i in range(k):
-            ray, a, sign = common[i, side], common[i, 0] - first, 1.0 - 2.0 * side
-            n = ray - begin
-            for c in range(3):
-                i0, i1, i2 = inverses[side, c, 0], inverses[side, c, 1], inverses[side, c, 2]
-                x0, x1, x2 = of_point[side, n, 0, 0], of_point[side, n, 0, 1], of_point[side, n, 0, 2]
-                y0, y1, y2 = of_point[side, n, 1, 0], of_point[side, n, 1, 1], of_point[side, n, 1, 2]
-                x = sign * (i0 * x0 + i1 * x1 + i2 * x2)
-                y = sign * (i0 * y0 + i1 * y1 + i2 * y2)
-                for q in range(6):
-                    f[c, 6 * a + q] += x * of_exposure[side, n, 0, q] + y * of_exposure[side, n, 1, q]
-                for s in range(place.shape[1]):
-                    if place[a, s] >= 0:
-                        f[c, place[a, s]] += x * of_system[side, n, 0, s] + y * of_system[side, n, 1, s]
-                for q in range(of_known.shape[2]):
-                    of_errors[c, q] += x * of_known[ray, 0, q] + y * of_known[ray, 1, q]
-    return True
-
-
-@kernel
-def differences(rows, m, values, width, found):
-    """Of every cell and the next one: m numbers of so many rows, which are so far apart in found."""
-    for row in range(rows):
-        one, own = row * LANES, row * width
-        for n in range(m):
-            found[np.uintp(own + n)] = values[np.uintp(one + n)] - values[np.uintp(one + n + 1)]
-
-
-@kernel
-def variances(m, known, f, errors, of_errors, product, total):
-    """Fill total (3, m) with the diagonals of F Q Fᵀ and what considered errors add.
-
-    f (d, 3, m); product is scratch of its size.
-    """
-    d = known.shape[0]
-    np.dot(known, f[: 3 * d * m].reshape(d, 3 * m), product[: 3 * d * m].reshape(d, 3 * m))
-    clear(total, 0, 3 * m)
+def covariances(m, d, f, movement, errors, of_errors, of_cell, first):
+    """Fill six rows of of_cell with F Q Fᵀ, with what considered errors add; movement (d, 3, m) is Q Fᵀ."""
+    clear(of_cell, first * LANES, 6 * LANES)
     for i in range(d):
         own = 3 * m * i
-        for n in range(3 * m):
-            total[np.uintp(n)] += product[np.uintp(own + n)] * f[np.uintp(own + n)]
-    for q in range(errors):
+        for n in range(m):
+            x, y, z = f[np.uintp(own + n)], f[np.uintp(own + m + n)], f[np.uintp(own + 2 * m + n)]
+            u = movement[np.uintp(own + n)]
+            v, w = movement[np.uintp(own + m + n)], movement[np.uintp(own + 2 * m + n)]
+            add_six_rows(of_cell, first * LANES + n, x * u, x * v, x * w, y * v, y * w, z * w)
+    for i in range(errors):
+        own = 3 * m * i
+        for n in range(m):
+            x, y = of_errors[np.uintp(own + n)], of_errors[np.uintp(own + m + n)]
+            z = of_errors[np.uintp(own + 2 * m + n)]
+            add_six_rows(of_cell, first * LANES + n, x * x, x * y, x * z, y * y, y * z, z * z)
+
+
+@kernel
+def variances_of_differences(m, d, f, movement, errors, of_errors, total):
+    """Fill three rows of total with the variances of F of a cell less that of the next one.
+
+    Q is the same for both, so that movement (d, 3, m), Q Fᵀ, needs only to be subtracted, too. The last cell
+    has no next one: what it gets has no meaning.
+    """
+    clear(total, 0, 3 * LANES)
+    for i in range(d):
         for c in range(3):
+            own, o = (3 * i + c) * m, c * LANES
             for n in range(m):
-                error = of_errors[np.uintp((3 * q + c) * LANES + n)]
-                total[np.uintp(c * m + n)] += error * error
+                at, following = np.uintp(own + n), np.uintp(own + n + 1)
+                total[np.uintp(o + n)] += (f[at] - f[following]) * (movement[at] - movement[following])
+    for i in range(errors):
+        for c in range(3):
+            own, o = (3 * i + c) * m, c * LANES
+            for n in range(m):
+                difference = of_errors[np.uintp(own + n)] - of_errors[np.uintp(own + n + 1)]
+                total[np.uintp(o + n)] += difference * difference
+
+
+@kernel
+def variances(m, d, f, movement, errors, of_errors, total):
+    """Fill three rows of total with the diagonals of F Q Fᵀ, with what considered errors add."""
+    clear(total, 0, 3 * LANES)
+    for i in range(d):
+        for c in range(3):
+            add_product(total, c * LANES, f, (3 * i + c) * m, movement, (3 * i + c) * m, m)
+    for i in range(errors):
+        for c in range(3):
+            add_product(total, c * LANES, of_errors, (3 * i + c) * m, of_errors, (3 * i + c) * m, m)
+
+
+@kernel
+def subtract(count, one, other):
+    """One array less another, in place."""
+    for n in range(count):
+        one[np.uintp(n)] -= other[np.uintp(n)]
+
+
+@kernel
+def common_rays(m, k, cell, other, first, start, image, ray, of_other, common):
+    """Rays of m cells and of others in the k images of the cells, image[first] and those behind it.
+
+    Fills ray and of_other with their places, and common with 1 where both see the image, otherwise with 0.
+    """
+    for n in range(m):
+        b, last = start[other[n]], start[other[n] + 1]
+        for a in range(k):
+            while b < last and image[b] < image[first + a]:
+                b += 1
+            seen = b < last and image[b] == image[first + a]
+            ray[a * LANES + n] = start[cell[n]] + a
+            of_other[a * LANES + n] = b if seen else start[cell[n]] + a
+            common[a * LANES + n] = 1.0 if seen else 0.0
+
+
+@kernel
+def leave_out(m, k, common, of_point):
+    """Make rays zero that are not common."""
+    for a in range(k):
+        for j in range(6):
+            own = (6 * a + j) * LANES
+            for n in range(m):
+                of_point[np.uintp(own + n)] *= common[np.uintp(a * LANES + n)]
