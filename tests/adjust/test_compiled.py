@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import adjust
 
 # A kernel that calls another one of another file. Our own behave alike and take ten times as long to compile.
@@ -89,6 +91,7 @@ def test_a_changed_callee_of_a_kernel_is_compiled_afresh(tmp_path: Path) -> None
     assert run(copy, cache, compiled=False) == (first_name, first), "copies share machine code"
 
 
+@pytest.mark.slow
 def test_without_the_digest_in_the_folder_name_stale_code_would_be_served(tmp_path: Path) -> None:
     # The experiment that the folder's name is there for; should numba change this, it may go.
     folder, cache = copy_of_adjust(tmp_path / "sources"), tmp_path / "cache"

@@ -159,7 +159,11 @@ def true_and_stated(
 
 
 @pytest.mark.parametrize(
-    ("specification", "heads"), [(dmc(points=500, survey=()), 4), (penta(points=350, survey=()), 5)]
+    ("specification", "heads"),
+    [
+        pytest.param(dmc(points=500, survey=()), 4, marks=pytest.mark.slow),
+        (penta(points=350, survey=()), 5),
+    ],
 )
 def test_heads_that_stand_alone_state_a_datum_that_is_too_good(
     specification: BlockSpecification, heads: int

@@ -214,6 +214,7 @@ def test_correlation_times_and_sigmas_are_found_together_from_wrong_ones(seed: i
             assert component.degrees_of_freedom < 0.7 * component.redundancy
 
 
+@pytest.mark.slow
 def test_the_start_has_no_influence_on_what_is_found() -> None:
     one, other = together(2, 4.0, 1.0), together(2, 200.0, 2.0)
     for first, second in zip(one.correlation_times, other.correlation_times, strict=True):

@@ -157,13 +157,12 @@ def test_gross_errors_of_every_kind_are_found_in_many_blocks(rate: float) -> Non
     assert score.gone_with_a_wrong_one <= 0.15 * rate * score.good
 
 
-# Daily one whose weights never vanish, and one whose do.
+# Daily one whose weights vanish; that each leaves clean blocks alone is daily, too.
 @pytest.mark.parametrize(
     "robust",
     [
-        "huber",
         "tukey",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("cauchy", "biber", "danish")),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("huber", "cauchy", "biber", "danish")),
     ],
 )
 def test_a_robust_estimation_beforehand_finds_them_too(robust: Any) -> None:

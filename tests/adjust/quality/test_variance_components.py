@@ -114,6 +114,7 @@ def from_wrong(large: SimulatedBlock) -> AdjustmentResult:
     return estimated(block, wrongly_weighted(large.observations(block)))
 
 
+@pytest.mark.slow
 def test_the_start_has_no_influence_on_what_is_found(
     large: SimulatedBlock, from_wrong: AdjustmentResult
 ) -> None:
@@ -227,6 +228,7 @@ def test_points_of_two_files_and_positions_of_two_flights_get_their_own_sigma(la
     assert np.median(sigma[manual]) / np.median(sigma[~manual]) == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_one_component_for_both_files_is_neither(large: SimulatedBlock) -> None:
     block, observations, _ = of_two_origins(large, 0)
     found = {item.part.name: item for item in estimated(block, observations).variance_components}

@@ -33,6 +33,7 @@ from tests.adjust.calibration.camera_errors import (
     with_true_correction,
 )
 from tests.adjust.scenes import two_strips
+from tests.grids import diagonal_daily
 
 PLAIN = GridRule(smoothing=Smoothing(), cross_validate=False)
 
@@ -111,8 +112,10 @@ def test_seams_and_smoothing_help_the_images_that_took_no_part(tiles: CameraTest
     assert 0.9 * best < seeing.gain <= 1.02 * best
 
 
-@pytest.mark.parametrize("smoothing", [Smoothing(), Smoothing("counts"), Smoothing("gaussian", 0.08)])
-@pytest.mark.parametrize("seed", [3, 21, 22])
+@pytest.mark.parametrize(
+    ("smoothing", "seed"),
+    diagonal_daily([Smoothing(), Smoothing("counts"), Smoothing("gaussian", 0.08)], [3, 21, 22]),
+)
 def test_where_there_is_nothing_to_model_hardly_anything_is_done(smoothing: Smoothing, seed: int) -> None:
     test = high_block(NOTHING, seed=seed)
     found = _iterated(test, GridRule(smoothing=smoothing))
