@@ -156,20 +156,21 @@ def _is_silently_wrong(sound: Sound, found: Sound) -> bool:
     return bool((moved > 3.0 * sigma).any()) and found.problems <= sound.problems
 
 
-@settings(max_examples=15, **_AS_THEY_COME)
+# Few of them, as each is a run; the slow tests have hundreds.
+@settings(max_examples=6, **_AS_THEY_COME)
 @given(change=HOSTILE)
 def test_a_changed_input_is_refused_in_one_sentence(block: Block, change: Hostile) -> None:
     try_it(block, change, "doctor")
 
 
-@settings(max_examples=8, **_AS_THEY_COME)
+@settings(max_examples=4, **_AS_THEY_COME)
 @example(change=Hostile("factor", "control.csv", 0.94, 0.33, "1.001"))  # One of four control points, 0.14 m.
 @given(change=HOSTILE)
 def test_a_changed_input_gives_no_other_result_in_silence(block: Block, change: Hostile) -> None:
     try_it(block, change, "adjust")
 
 
-@settings(max_examples=12, **_AS_THEY_COME)
+@settings(max_examples=6, **_AS_THEY_COME)
 @given(change=HOSTILE_CALIBRATION)
 def test_a_changed_calibration_is_refused_or_gives_no_other_result_in_silence(
     block: Block, change: Hostile

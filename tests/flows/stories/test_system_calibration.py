@@ -203,6 +203,7 @@ def test_without_enough_control_there_is_no_second_step_and_that_is_said(tmp_pat
     assert any("no two-step calibration" in text for text in outcome.summary.problems)
 
 
+@pytest.mark.slow
 def test_image_points_stated_too_coarse_change_nothing_but_a_remark(
     flight: Path, record: CalibrationRecord, tmp_path: Path
 ) -> None:
