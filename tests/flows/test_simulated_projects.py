@@ -32,7 +32,11 @@ def _differences(folder: Path, table: str, columns: list[str], key: str | list[s
 
 
 @pytest.mark.parametrize(
-    "changes", [(), ("project.angles=omega-phi-kappa", *ON_THE_EARTH)], ids=["local", "map"]
+    "changes",
+    [
+        pytest.param((), id="local", marks=pytest.mark.slow),
+        pytest.param(("project.angles=omega-phi-kappa", *ON_THE_EARTH), id="map"),
+    ],
 )
 def test_the_test_field_without_noise_gives_its_truth_back(tmp_path: Path, changes: tuple[str, ...]) -> None:
     folder = tmp_path / "exact"

@@ -166,7 +166,7 @@ def test_an_image_that_is_damaged_is_named_and_not_left_half(
 def test_a_killed_process_leaves_no_image_and_the_next_one_no_trace_of_it(
     start: Start, results: Path, name: str, tmp_path: Path
 ) -> None:
-    data = np.tile(pixels(1, ROWS, COLUMNS, "float64"), (4, 1, 1))
+    data = np.tile(pixels(1, ROWS, COLUMNS, "float64"), (2, 1, 1))
     path, out = written(tmp_path / f"{name}.tif", data), tmp_path / "out"
     command = (sys.executable, "-m", "flows.command", "undistort", results, path, "--out", out)
     process = start(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
