@@ -14,13 +14,17 @@ import numpy as np
 import pyarrow as pa
 
 from adjust.arrays import Floats
-from adjust.geometry.rotation import log, to_heading_pitch_roll
+from adjust.geometry.rotation import log
 from tasks.errors import InputError
 from tasks.formats.records import ExposureRecords, HeadRecord
 
 # Images that are further from where their event and head place them are not of a rigid rig: metres, radians.
 _RIGID_M, _RIGID = 0.01, 1e-4
 _MOST_LISTED = 10
+# Decimals that are declared of a head: some 1e-13 of a rotation, and a nanometre.
+_DEGREES, _METRES = 11, 9
+# Cosine of a pitch that is a right angle.
+_UPRIGHT = 1e-10
 _AGAIN = "Export the rig again, with all its heads and images."
 
 
@@ -168,12 +172,21 @@ def declared_head(head: HeadRecord) -> dict[str, str | list[float]]:
 
     Their body axes forward, right, down are x right, y down, z forward of the image then.
     """
-    angles = np.rad2deg(to_heading_pitch_roll(head.rotation))[::-1]
+    angles = np.rad2deg(_roll_pitch_yaw(head.rotation)).round(_DEGREES)
     return {
         "reference": head.reference,
-        "rotation_deg": [float(value) for value in angles],
-        "position_m": [float(value) for value in head.position],
+        "rotation_deg": [float(value) + 0.0 for value in angles],
+        "position_m": [float(value) + 0.0 for value in head.position.round(_METRES)],
     }
+
+
+def _roll_pitch_yaw(turn: Floats) -> list[float]:
+    """Radians; of a head at right angles ahead or back, where only yaw ∓ roll shows, yaw is zero."""
+    level = float(np.hypot(turn[0, 0], turn[1, 0]))
+    pitch = np.arctan2(-turn[2, 0], level)
+    if level < _UPRIGHT:
+        return [np.arctan2(-turn[1, 2], turn[1, 1]), pitch, 0.0]
+    return [np.arctan2(turn[2, 1], turn[2, 2]), pitch, np.arctan2(turn[1, 0], turn[0, 0])]
 
 
 def _check(path: Path, event: GivenEvent, heads: Collection[str], images: Collection[str]) -> None:

@@ -40,6 +40,7 @@ _MARKS: tuple[tuple[re.Pattern[bytes], Callable[[Path], object]], ...] = (
         lambda path: read_exposures("colmap", path, "omega-phi-kappa", TableLayout(), colmap_rig_files(path)),
     ),
 )
+_INSTANCES = "instances of OpenSfM's rigs: they are read with reconstruction.json"
 _RIGS = "rigs or frames of COLMAP: they are read with its images"
 #: Words at the beginning of a text, and what it is.
 _TEXTS: tuple[tuple[re.Pattern[bytes], str], ...] = (
@@ -133,8 +134,12 @@ def _list(value: list[object]) -> str | None:
     first = value[0] if value else None
     if isinstance(first, dict) and "ref_camera_id" in first:
         return "rigs of COLMAP's rig_configurator, of an early kind: it names no relative orientations"
-    instances = isinstance(first, list) and first and isinstance(first[0], list)
-    return "instances of OpenSfM's rigs: they are read with reconstruction.json" if instances else None
+    return _INSTANCES if _is_instance(first) else None
+
+
+def _is_instance(value: object) -> bool:
+    """Whether it is a list of images with their rig cameras."""
+    return isinstance(value, list) and bool(value) and all(isinstance(one, list) for one in value)
 
 
 def _object(value: Mapping[str, object]) -> str | None:
@@ -151,6 +156,8 @@ def _object(value: Mapping[str, object]) -> str | None:
         return "the description of a GeoParquet file: not a delivery"
     if {"type", "resources"} <= value.keys() or value.keys() <= _OPF_PARTS:
         return f"a fragment of an OPF project: {_PACK}"
+    if value and all(map(_is_instance, value.values())):
+        return _INSTANCES
     rigs = value and all(
         isinstance(one, dict) and {"rotation", "translation"} <= one.keys() for one in value.values()
     )

@@ -114,3 +114,13 @@ def test_init_declares_the_heads_of_a_colmap_model(original: Original, tmp_path:
     remarks = {file.path.name: file.remark for file in found.files}
     assert remarks["rigs.txt"] == remarks["frames.txt"]
     assert remarks["rigs.txt"].startswith("rigs or frames of COLMAP")
+
+
+def test_init_declares_the_heads_of_an_opensfm_reconstruction(original: Original, tmp_path: Path) -> None:
+    out = tmp_path / "dataset"
+    converted_block(original.project, original.store, "opensfm", out, None)
+    found = begin_project(out)
+    _same_mountings(original, tomllib.loads(found.project_file.read_text())["cameras"])
+    remarks = {file.path.name: file.remark for file in found.files}
+    assert remarks["rig_cameras.json"].startswith("cameras of OpenSfM's rigs")
+    assert remarks["rig_assignments.json"].startswith("instances of OpenSfM's rigs")

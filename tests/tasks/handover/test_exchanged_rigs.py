@@ -14,7 +14,7 @@ import pytest
 from adjust.geometry.rotation import from_omega_phi_kappa, from_roll_pitch_yaw
 from tasks.formats.colmap_rigs import colmap_rig_files
 from tasks.formats.plain_records import CV_AXES
-from tasks.formats.records import ExposureRecords
+from tasks.formats.records import ExposureRecords, HeadRecord
 from tasks.formats.register import read_exposures
 from tasks.formats.rigs import declared_head
 from tasks.formats.table_layout import TableLayout
@@ -80,6 +80,14 @@ def test_heads_and_events_come_back(name: str, tmp_path: Path) -> None:
     order = [listed.index(one) for one in NAMES]
     np.testing.assert_allclose(centre[order], results.images.projection_centre, rtol=0, atol=1e-7)
     np.testing.assert_allclose(turn[order], results.images.local_from_camera, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("pitch", [90.0, -90.0, 90.0 - 1e-6, -90.0 + 1e-8, 45.0])
+def test_a_head_at_right_angles_is_declared_as_it_is(pitch: float) -> None:
+    turn = from_roll_pitch_yaw(np.radians([20.0, pitch, -35.0]))
+    declared = declared_head(HeadRecord("A", turn, np.zeros(3)))["rotation_deg"]
+    again = from_roll_pitch_yaw(np.deg2rad(np.array(declared, dtype=np.float64)))
+    np.testing.assert_allclose(again, turn, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", READ)
