@@ -151,17 +151,21 @@ def _adjoint(
 
 def _effects(solution: JointSolution, item: _Group, adjoint: _Adjoint) -> Floats:
     """Effects (n, m, d) of the smallest errors that are found in every component of every observation."""
-    columns = solution.system.layout.columns
+    columns, model = solution.system.layout.columns, item.group.stochastic
     n, m = item.equations.misclosure.shape
     rows = np.zeros((n, m, adjoint.of_border.shape[1]))
+    # Without correlation over time the weights are those of each observation, and part of the derivatives.
+    alone = model.neighbours is None
+    weight = np.swapaxes(model.whitener, 1, 2) @ model.whitener if alone else np.eye(m)[None]
     for term in item.equations.terms:
         if term.block == EXTERIOR_ORIENTATION:
-            rows += term.jacobian @ adjoint.of_exposures[term.index]
+            rows += (weight @ term.jacobian) @ adjoint.of_exposures[term.index]
         elif term.block == OBJECT_POINT:
-            rows += term.jacobian @ adjoint.of_points[term.index]
-        else:
+            rows += (weight @ term.jacobian) @ adjoint.of_points[term.index]
+        elif (columns[term.block] >= 0).any():
             of_border = np.zeros((n, m, len(adjoint.of_border)))
-            add_border_columns(of_border, columns[term.block][term.index], term.jacobian)
+            add_border_columns(of_border, columns[term.block][term.index], weight @ term.jacobian)
             rows += of_border @ adjoint.of_border
-    weighted = [item.group.stochastic.weighted(rows[:, :, k]) for k in range(rows.shape[2])]
-    return np.asarray(np.stack(weighted, axis=2) * item.detectable[:, :, None])
+    if not alone:
+        rows = np.stack([model.weighted(rows[:, :, k]) for k in range(rows.shape[2])], axis=2)
+    return np.asarray(rows * item.detectable[:, :, None])

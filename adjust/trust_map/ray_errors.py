@@ -72,6 +72,9 @@ class BlockRays:
         of_exposure, of_point = np.zeros((len(rows), 2, 6)), np.zeros((len(rows), 2, 3))
         of_border = np.zeros((len(rows), 2, system.border))
         for term in part.linearize(solution.state).terms:
+            local = term.block in (EXTERIOR_ORIENTATION, OBJECT_POINT)
+            if not local and (system.layout.columns[term.block] < 0).all():
+                continue
             term.jacobian[:] *= part.inverse_sigma[:, :, None]
             if term.block == EXTERIOR_ORIENTATION:
                 of_exposure = term.jacobian
@@ -82,11 +85,13 @@ class BlockRays:
         counted = tested.status[rows] == ObservationStatus.USED
         detectable = np.where(counted, np.nan_to_num(tested.detectable[rows]), 0.0) / part.sigma
         start, column, vector = normals.couplings.columns(system.layout.border)
-        half = np.linalg.inv(normals.point_factor[points])
+        cofactor, place = np.empty((len(points), 3, 3)), np.zeros(len(there), dtype=np.int64)
+        ray_errors_kernel.cofactors_of_points(normals.point_factor, points, cofactor)
+        place[points] = np.arange(len(points))
         image_start, ray_of_image = visibility_kernel.sorted_by(part.image, system.layout.events)
         return cls(
             np.append(np.searchsorted(part.point, points), len(rows)),
-            np.searchsorted(points, part.point),
+            place[part.point],
             part.image,
             image_start,
             ray_of_image,
@@ -94,7 +99,7 @@ class BlockRays:
             np.ascontiguousarray(of_point),
             of_border,
             detectable,
-            np.swapaxes(half, 1, 2) @ half,
+            cofactor,
             *_joins(points, start, column, vector),
         )
 
