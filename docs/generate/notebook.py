@@ -6,6 +6,7 @@ The notebook is docs/library.ipynb (format 4.5 of Jupyter). Seeds are fixed: tes
 from __future__ import annotations
 
 import ast
+import base64
 import doctest
 import json
 import re
@@ -14,6 +15,8 @@ import traceback
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 PAGE = Path(__file__).resolve().parents[1] / "library.md"
 NOTEBOOK = PAGE.with_suffix(".ipynb")
@@ -77,6 +80,9 @@ def _data(value: Any) -> dict[str, Any]:
 
 
 def _rounded(value: Any) -> Any:
+    if isinstance(value, dict) and "bdata" in value:
+        # Plotly packs arrays as bytes, whose last digits differ from one kind of processor to the next.
+        return _rounded(np.frombuffer(base64.b64decode(value["bdata"]), value["dtype"]).tolist())
     if isinstance(value, dict):
         return {key: _rounded(one) for key, one in value.items()}
     if isinstance(value, list):
