@@ -59,9 +59,9 @@ def considered_errors(system: System, solution: Solution) -> ConsideredErrors | 
     known = system.block.considered
     if known is None:
         return None
-    products = products_of(system, solution.state, considered_alternatives(known))
+    products = products_of(system, solution.linearization, considered_alternatives(known))
     load = products.load.full(system.active_point)
-    solved = solve_full(system, solution.state, solution.factorization, load)
+    solved = solve_full(system, solution.linearization, solution.factorization, load)
     left = products.own - load.dot(solved)
     k = len(known.places)
     onto_errors = np.vstack([-known.root, np.zeros((1, k))])

@@ -323,3 +323,13 @@ def test_names_of_parameters_are_checked() -> None:
 def test_a_flight_without_overlap_is_not_computable_or_wrong_input() -> None:
     with pytest.raises((InputError, NotComputableError)):
         planned(1, overrides=("flight.0.base_m=5000", "flight.0.spacing_m=9000"))
+
+
+def test_a_rig_is_refused_with_what_gives_its_standard_deviations(tmp_path: Path) -> None:
+    changes = ("points.count=100",)
+    with pytest.raises(InputError, match="penta has a rig of several heads") as refused:
+        plan_of_specification("penta", changes)
+    assert "aerocal calibrate" in refused.value.remedy
+    simulate_project(load_simulation("penta", changes), tmp_path)
+    with pytest.raises(InputError, match="plans are of single cameras"):
+        plan_of_project(str(tmp_path / "project.toml"))

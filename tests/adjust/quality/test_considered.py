@@ -130,10 +130,10 @@ def dense(scene: Scene, given: ConsideredParameters) -> Dense:
     block = replace(scene.block, considered=given)
     system = System.of(block, scene.observations)
     adjusted = Adjuster(AdjustmentOptions()).adjust(system, block.approximate_state())
-    design = design_matrix(system, adjusted.state)
+    design = design_matrix(system, adjusted.solution.linearization)
     q = full_cofactor(design)
     wide = System.of(with_free(block, given.places), scene.observations)
-    columns = design_matrix(wide, adjusted.state)
+    columns = design_matrix(wide, adjusted.solution.linearization)
     layout = wide.layout
     own = [layout.columns[family][entity, component] for family, entity, component in given.places]
     b = columns.matrix.toarray()[:, columns.border_columns[own]]
@@ -326,7 +326,7 @@ def test_observed_parameters_have_the_covariance_and_the_test_of_full_matrices(c
     others = (*case.adjusted.observations.others, prior)
     wide = System.of(block, replace(case.adjusted.observations, others=others))
     adjusted = Adjuster(AdjustmentOptions()).adjust(wide, case.adjusted.state)
-    design = design_matrix(wide, adjusted.state)
+    design = design_matrix(wide, adjusted.solution.linearization)
     rows = design.matrix.toarray()[slice(*design.row_start[-2:])]
     own = design.border_columns[[wide.layout.columns[f][e, k] for f, e, k in given.places]]
     assert_same(rows[:, own].T @ rows[:, own], np.linalg.inv(case.c))
@@ -368,7 +368,7 @@ def test_alternatives_are_tested_with_what_errors_of_the_parameters_explain(case
     wide = System.of(
         with_free(case.adjusted.system.block, (ParameterPlace(LEVER_ARM, 0, 2),)), case.adjusted.observations
     )
-    columns = design_matrix(wide, case.adjusted.state)
+    columns = design_matrix(wide, case.adjusted.solution.linearization)
     place = columns.border_columns[wide.layout.columns[LEVER_ARM][0, 2]]
     c = np.column_stack([case.b[:, 0], columns.matrix.toarray()[:, place]])
     outside = np.eye(len(case.l)) - case.a @ case.q @ case.a.T
