@@ -187,7 +187,7 @@ def test_the_production_page_shows_sorts_and_filters_every_project(server: Serve
     expect(failed).to_have_count(1)
     expect(page.locator(".ag-pinned-left-cols-container .ag-row")).to_have_count(3)
     expect(failed).to_contain_text(HOSTILE)
-    expect(seen.row("block").locator(".stage-done, .stage-reused")).to_have_count(6)
+    expect(seen.row("block").locator(".stage-done, .stage-reused")).to_have_count(7)
     expect(seen.row(HOSTILE).locator("[col-id=gates]")).to_contain_text("sigma0")
     expect(seen.row(HOSTILE).locator("[col-id=sigma0]")).to_have_class(re.compile("beyond"))
     expect(seen.row("../nowhere").locator("[col-id=problem]")).to_contain_text("There is no project file")

@@ -178,7 +178,7 @@ def test_an_outage_beyond_the_limit_is_exit_code_1_and_the_next_run_outlasts_a_s
     assert again.wait(timeout=120) == 0, told.read_text()
     assert f"{address} answers again" in told.read_text()
     assert fetched(address, tmp_path / "reader") == published(in_folders[()])
-    assert reused(tmp_path / "reader") == [True, True, True, True, True, False]
+    assert reused(tmp_path / "reader") == [True, True, True, True, True, False, False]
 
 
 def test_wrong_credentials_are_exit_code_1_and_nothing_is_computed(
