@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import cast
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
+from flows.command.examination_table import examination_tables
 from flows.command.exit_code import DONE
 from flows.command.progress import show_progress
 from flows.runs.project_run import RunRequest
@@ -19,9 +18,6 @@ from flows.stories.examination import Examination, ListedMistake, examine_everyt
 from tasks.files.json_text import JSON, json_text
 from tasks.store.run_lock import run_lock
 from tasks.store.store import Store
-
-# Lines of one list; a block may have hundreds of control points.
-_MOST = 5
 
 
 def examine(
@@ -70,14 +66,8 @@ def _show(found: Examination) -> None:
         console.print(Text("\nRemarks:", style="bold"))
     for sentence in problems:
         console.print(Text(f"• {sentence}", style="yellow"))
-    for finding in found.findings:
-        table = Table(
-            title=finding.subject, title_justify="left", title_style="bold", show_header=False, box=None
-        )
-        for name, value in _rows(finding.figures):
-            table.add_row(name, value)
-        if table.row_count:
-            console.print(table)
+    for table in examination_tables({finding.subject: finding.figures for finding in found.findings}):
+        console.print(table)
 
 
 def _show_mistake(console: Console, number: int, mistake: ListedMistake) -> None:
@@ -89,51 +79,3 @@ def _show_mistake(console: Console, number: int, mistake: ListedMistake) -> None
         console.print(Text(f"   → {mistake.remedy}"))
     if mistake.declare:
         console.print(Text(f"     {mistake.declare}", style="bold"), soft_wrap=True)
-
-
-def _rows(figures: Mapping[str, JSON], above: str = "") -> list[tuple[str, str]]:
-    """Figures as rows of text; the name of a nested figure starts with that of its table."""
-    rows: list[tuple[str, str]] = []
-    for name, value in figures.items():
-        label = f"{above}{name.replace('_', ' ')}"
-        if isinstance(value, Mapping):
-            rows += _rows(value, f"{label}: ")
-        elif isinstance(value, Sequence) and any(isinstance(item, Mapping) for item in value):
-            rows += _largest(label, [item for item in value if isinstance(item, Mapping)])
-        else:
-            rows.append((label, _text(value)))
-    return rows
-
-
-def _largest(label: str, items: Sequence[Mapping[str, JSON]]) -> list[tuple[str, str]]:
-    """One line for each table of figures in a list: only the few with the largest values, largest first."""
-
-    def size(item: Mapping[str, JSON]) -> float:
-        return max((abs(value) for value in item.values() if isinstance(value, float)), default=0.0)
-
-    rows = [(label, _in_one_line(item)) for item in sorted(items, key=size, reverse=True)[:_MOST]]
-    more = len(items) - len(rows)
-    return [*rows, (label, f"and {more:,} more, with smaller values (--json has all)")] if more else rows
-
-
-def _in_one_line(item: Mapping[str, JSON]) -> str:
-    """The name followed by its figures: ``C108: dx m -0.238, dy m 0.155``."""
-    named = ", ".join(value for value in item.values() if isinstance(value, str))
-    numbers = [
-        f"{name.replace('_', ' ')} {_text(value)}"
-        for name, value in item.items()
-        if not isinstance(value, str)
-    ]
-    return f"{named}: {', '.join(numbers)}" if named else ", ".join(numbers)
-
-
-def _text(value: JSON) -> str:
-    if value is None:
-        return "–"
-    if isinstance(value, float):
-        return f"{value:,.4g}" if abs(value) < 1e4 else f"{value:,.1f}"
-    if isinstance(value, int) and not isinstance(value, bool):
-        return f"{value:,}"
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return ", ".join(_text(item) for item in value)
-    return str(value)

@@ -258,9 +258,7 @@ def _notes(measured: MeasuredPoints, remarks: Sequence[str], outside: int, singl
     images = len(measured.images)
     without = images - int(np.count_nonzero(counted(measured.image, images)))
     if without:
-        problems.append(
-            f"{without:,} of {images:,} exposures have no image points and are not used in the adjustment."
-        )
+        problems.append(without_image_points(without, images))
     counts = {
         "image_points_read": len(measured.image),
         "outside_format": outside,
@@ -270,3 +268,9 @@ def _notes(measured: MeasuredPoints, remarks: Sequence[str], outside: int, singl
         "exposures_without_image_points": without,
     }
     return Notes(tuple(problems), {"counts": counts})
+
+
+def without_image_points(without: int, exposures: int) -> str:
+    """The sentence about exposures that no image point is measured in."""
+    verb = "has no image points and is" if without == 1 else "have no image points and are"
+    return f"{without:,} of {exposures:,} exposures {verb} not used in the adjustment."

@@ -40,20 +40,27 @@ class SharedPoints:
         """Count points, each for the `position` of the first of two neighbours that it is measured in."""
         self._shared += np.bincount(position, minlength=self.modulus)
 
-    def remarks(self) -> tuple[str, ...]:
-        """A sentence if neighbouring images of strips share hardly any point, and others do."""
-        shared = self._shared[self.position[self._one]]
+    def remarks(self, measured: NDArray[np.bool_]) -> tuple[str, ...]:
+        """A sentence if neighbouring images of strips share hardly any point, and others do.
+
+        Parameters
+        ----------
+        measured : (images,) images with points. Pairs without such an image are beyond the measured block.
+        """
+        within = measured[self._one] | measured[self._other]
+        shared = self._shared[self.position[self._one]][within]
         # What is usual is so in the block: half of a strip may be missing, or all of it.
         usual = float(np.median(shared[shared > 0])) if (shared > 0).any() else 0.0
         alone = np.flatnonzero(shared < _PART * usual) if usual >= _USUAL else _NONE
         if len(alone) == 0:
             return ()
         names, first = self._names, alone[0]
-        one, other = names.iloc[self._one[first]], names.iloc[self._other[first]]
+        pair = np.flatnonzero(within)[first]
+        one, other = names.iloc[self._one[pair]], names.iloc[self._other[pair]]
         return (
             f"{len(alone):,} of {len(shared):,} pairs of neighbouring images share hardly any image "
             f"points, where {usual:.0f} are usual. First: '{one}' ({shared[first]} shared) and '{other}' "
-            f"of strip {self._strip[first]}. The file of image points may be incomplete, unless there is "
+            f"of strip {self._strip[pair]}. The file of image points may be incomplete, unless there is "
             "water, or the exposures extend beyond the block.",
         )
 

@@ -42,7 +42,7 @@ def look_through(measured: MeasuredPoints, exposures: pd.DataFrame) -> tuple[str
     if twice:
         _refuse_duplicates(measured, shared)
     copied.refuse()
-    return shared.remarks()
+    return shared.remarks(counted(measured.image, len(measured.images)) > 0)
 
 
 def _by_point(measured: MeasuredPoints, shared: SharedPoints) -> Iterator[tuple[Rows, NDArray[np.int64]]]:

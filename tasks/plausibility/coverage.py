@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
+from tasks.deliveries.image_points import without_image_points
 from tasks.formats.meanings import IMAGE_POINT_MEANINGS
 from tasks.plausibility.mistake import Mistake
 
@@ -19,8 +20,8 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
     without = exposures["image"][~exposures["image"].isin(images)]
     if len(without):
         yield Mistake(
-            f"{len(without):,} of {len(exposures):,} exposures have no image points: {_named(without)}.",
-            (),
+            without_image_points(len(without), len(exposures)),
+            (_named(without),),
             "Deliver their image points, or leave the exposures out.",
         )
     groups = _groups(measured, images)

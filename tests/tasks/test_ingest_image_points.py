@@ -58,7 +58,7 @@ def test_exposures_without_image_points_are_counted(delivery):
     delivery.change("exposures", "I3,CAM", "I4,CAM,S2,500900,5300200,2002,0,0,0\nI3,CAM")
     notes = delivery.notes(delivery.image_points())
     assert notes.figures["counts"]["exposures_without_image_points"] == 1
-    assert any("1 of 4 exposures have no image points" in sentence for sentence in notes.problems)
+    assert any("1 of 4 exposures has no image points" in sentence for sentence in notes.problems)
 
 
 def test_several_files_are_read_as_one(delivery):
