@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.arrays import Floats
 from adjust.errors import DatumDefectError, DivergenceError, InconsistentBlockError
 from adjust.parameters import State
-from adjust.solve.defect import explain_defect
-from adjust.solve.factorization import Factorization, SingularNormalsError, factorize
-from adjust.solve.free_network import OpenMovements, open_movements, settled
-from adjust.solve.normal_equations import ReducedNormals, reduced_normals, substitute_back, weighted_squares
+from adjust.solve.factorization import Factorization
+from adjust.solve.free_network import OpenMovements
+from adjust.solve.normal_equations import ReducedNormals, reduced_normals, weighted_squares
+from adjust.solve.right_hand_side import with_right_hand_sides
+from adjust.solve.step import Step, factorized
 from adjust.solve.system import System
 from adjust.solve.updated_normals import updated_normals
 
@@ -30,6 +30,9 @@ _NEAR = 1.0
 # nothing by 1e-9 of its standard deviation, and their cofactors are right to as many digits.
 _SETTLED = 1e-5
 _FIRST_DAMPING = 1e-4
+# A step with the factors of an earlier state that is longer than this part of the one before is not made:
+# new normal equations take no longer than the many steps that would follow.
+_CONTRACTION = 0.02
 # Long steps (bound of |dx_i|/σ_i) that lower vᵀPv by less than this part lead nowhere.
 _LONG, _STALLED = 30.0, 1e-3
 
@@ -120,12 +123,9 @@ def single_step(before: System, solution: Solution, system: System, start: State
     InconsistentBlockError : an object point lies behind a camera that sees it.
     """
     normals = updated_normals(before, solution.normals, system, start)
-    increments = _increments(system, start, normals)
-    moved = increments.applied(system, start)
-    promised = normals.weighted_squares - increments.decrement
-    step = Iteration(1, normals.weighted_squares, increments.largest_move, 0.0)
-    solution = Solution(moved, normals, increments.factorization, (step,), True, increments.movements, start)
-    return solution, promised
+    step = Step.newton(system, start, normals)
+    iteration = Iteration(1, normals.weighted_squares, step.largest_move, 0.0)
+    return _solution(step, (iteration,), True), normals.weighted_squares - step.decrement
 
 
 def iterate(
@@ -146,19 +146,22 @@ def iterate(
     near : stop after a step that moves no unknown by more than its standard deviation. The solution then
         counts as stalled, with the normal equations from which that step was made.
     """
-    end = _iterated(system, start, most, progress, may_stall, _NEAR if near else _CONVERGED)
-    if end.stalled or (end.last.movements is not None and not near):
+    end = _iterated(system, start, most, progress, may_stall, _NEAR if near else _CONVERGED, by_newton=near)
+    last = end.last
+    if end.stalled or (last.movements is not None and not near):
         # Free movements do not show in bᵀdx: these normal equations may be those of another datum.
         found = solution_at(system, end.state)
         return replace(found, iterations=end.iterations, stalled=end.stalled)
-    state, normals, last, before = end.state, end.normals, end.last, end.before
-    settled = last.largest_move < _SETTLED and last.movements is None
+    settled = last.is_newton and last.largest_move < _SETTLED and last.movements is None
     if not (near or settled):
-        before, normals = end.state, reduced_normals(system, end.state)
-        last = _increments(system, before, normals)
-        state = last.applied(system, before)
+        last = Step.newton(system, end.state, reduced_normals(system, end.state))
+    return _solution(last, end.iterations, near and not settled)
+
+
+def _solution(last: Step, iterations: tuple[Iteration, ...], stalled: bool) -> Solution:
+    """After the last step, with its normal equations."""
     return Solution(
-        state, normals, last.factorization, end.iterations, near and not settled, last.movements, before
+        last.moved, last.normals, last.factorization, iterations, stalled, last.movements, last.state
     )
 
 
@@ -170,7 +173,7 @@ def solution_at(system: System, state: State) -> Solution:
     DatumDefectError : singular normal equations, explained.
     """
     normals = reduced_normals(system, state)
-    factorization, movements = _factorize(system, state, normals)
+    factorization, movements = factorized(system, state, normals)
     return Solution(state, normals, factorization, (), movements=movements)
 
 
@@ -196,65 +199,12 @@ def converge(
 
 
 @dataclass(frozen=True, eq=False)
-class _Increments:
-    """One step.
-
-    Attributes
-    ----------
-    of_exposures, of_border, of_points : (n, 6), (g,) and (m, 3).
-    decrement : bᵀdx, which no choice of the datum changes.
-    factorization, movements : as of a solution.
-    datum_settled : whether the block as a whole moves no more.
-    """
-
-    of_exposures: Floats
-    of_border: Floats
-    of_points: Floats
-    decrement: float
-    factorization: Factorization
-    movements: OpenMovements | None = None
-    datum_settled: bool = True
-
-    @property
-    def largest_move(self) -> float:
-        """Upper bound of |dx_i|/σ_i over all unknowns."""
-        return float(np.sqrt(max(self.decrement, 0.0)))
-
-    def applied(self, system: System, state: State) -> State:
-        """The state after the step."""
-        return system.layout.update(state, self.of_exposures, self.of_border, self.of_points)
-
-
-def _increments(system: System, state: State, normals: ReducedNormals) -> _Increments:
-    """Solve the normal equations at a state; a free network also moves to its inner constraints."""
-    factorization, movements = _factorize(system, state, normals)
-    of_exposures, of_border = factorization.solve()
-    decrement = normals.eliminated + float(
-        np.sum(normals.rhs_exposure * of_exposures) + normals.rhs_border @ of_border
-    )
-    of_points = substitute_back(system, state, normals, of_exposures, of_border)
-    if movements is None:
-        return _Increments(of_exposures, of_border, of_points, decrement, factorization)
-    exposures, border, points = movements.towards_approximate_values(system, state, of_exposures, of_points)
-    return _Increments(
-        of_exposures + exposures,
-        of_border + border,
-        of_points + points,
-        decrement,
-        factorization,
-        movements,
-        settled(normals, exposures),
-    )
-
-
-@dataclass(frozen=True, eq=False)
 class _End:
-    """Where an iteration has ended, and the normal equations of its last step.
+    """Where an iteration has ended.
 
     Attributes
     ----------
     state, weighted_squares, iterations, stalled : as of an estimate.
-    before, normals : the state before the last step, and its normal equations.
     last : the last step.
     """
 
@@ -262,74 +212,91 @@ class _End:
     weighted_squares: float
     iterations: tuple[Iteration, ...]
     stalled: bool
-    before: State
-    normals: ReducedNormals
-    last: _Increments
+    last: Step
 
 
 def _iterated(
-    system: System, start: State, most: int, progress: Progress | None, may_stall: bool, limit: float
+    system: System,
+    start: State,
+    most: int,
+    progress: Progress | None,
+    may_stall: bool,
+    limit: float,
+    by_newton: bool = False,
 ) -> _End:
-    """As ``converge``, until no unknown moves by more than ``limit`` of its standard deviation."""
-    state, damping = start, 0.0
+    """As ``converge``, until no unknown moves by more than ``limit`` of its standard deviation.
+
+    Parameters
+    ----------
+    by_newton : whether the last step must be with the matrix of the state that it starts from.
+    """
+    state, damping, before = start, 0.0, None
     normals = reduced_normals(system, state)
     history: list[Iteration] = []
     for number in range(1, most + 1):
-        increments = _increments(system, state, normals)
-        step = Iteration(number, normals.weighted_squares, increments.largest_move, damping)
-        history.append(step)
+        step = _step(system, state, normals, before)
+        squares = step.normals.weighted_squares
+        history.append(Iteration(number, squares, step.largest_move, damping))
         if progress is not None:
-            progress(step)
-        moved = increments.applied(system, state)
-        if step.largest_move < limit and damping == 0.0 and increments.datum_settled:
+            progress(history[-1])
+        if step.largest_move < limit and damping == 0.0 and step.datum_settled:
             # Whether vPv falls or rises in so small a step is decided by rounding alone.
-            squares = weighted_squares(system, moved)
-            if np.isfinite(squares):
-                return _End(moved, squares, tuple(history), False, state, normals, increments)
-        following = _try(system, moved)
-        if following is None or following.weighted_squares > normals.weighted_squares * (1 + 1e-9) + 1e-9:
-            damping = max(10.0 * damping, _FIRST_DAMPING)
+            at_end = weighted_squares(system, step.moved)
+            if np.isfinite(at_end):
+                return _End(step.moved, at_end, tuple(history), False, step)
+        before = step if damping == 0.0 and step.movements is None and not by_newton else None
+        following = _try(system, step.moved, before)
+        if following is None or following.weighted_squares > squares * (1 + 1e-9) + 1e-9:
+            damping, before = max(10.0 * damping, _FIRST_DAMPING), None
             normals = reduced_normals(system, state, damping)
             continue
-        lowered = following.weighted_squares <= (1.0 - _STALLED) * normals.weighted_squares
+        lowered = following.weighted_squares <= (1.0 - _STALLED) * squares
         if may_stall and step.largest_move > _LONG and not lowered:
-            squares = following.weighted_squares
-            return _End(moved, squares, tuple(history), True, state, normals, increments)
-        state, normals = moved, following
+            return _End(step.moved, following.weighted_squares, tuple(history), True, step)
+        state, normals = step.moved, following
         damping = 0.0 if damping <= _FIRST_DAMPING else damping / 10.0
         if damping > 0.0:
             normals = reduced_normals(system, state, damping)
     if may_stall:
-        return _End(state, normals.weighted_squares, tuple(history), True, state, normals, increments)
-    raise DivergenceError(
-        most, tuple(item.weighted_squares for item in history), _largest(system, increments)
-    )
+        return _End(state, normals.weighted_squares, tuple(history), True, step)
+    raise DivergenceError(most, tuple(item.weighted_squares for item in history), _largest(system, step))
 
 
-def _try(system: System, state: State) -> ReducedNormals | None:
-    """Normal equations at a state, None where the step has left the domain of the model."""
+def _step(system: System, state: State, normals: ReducedNormals, before: Step | None) -> Step:
+    """From a state by its normal equations, or by the factors of the step before if they still do.
+
+    Parameters
+    ----------
+    normals : of the state; their matrix is that of the step before if there is one.
+    """
+    if before is not None:
+        found = before.then(state, normals)
+        if found.largest_move <= _CONTRACTION * before.largest_move:
+            return found
+        normals = reduced_normals(system, state)
+    return Step.newton(system, state, normals)
+
+
+def _try(system: System, state: State, before: Step | None) -> ReducedNormals | None:
+    """Normal equations at a state, None where the step has left the domain of the model.
+
+    Parameters
+    ----------
+    before : a step whose matrix they take over; None: it is formed anew.
+    """
+    if before is not None:
+        return with_right_hand_sides(before.normals, system, state)
     try:
         return reduced_normals(system, state)
     except (DatumDefectError, InconsistentBlockError):
         return None
 
 
-def _factorize(
-    system: System, state: State, normals: ReducedNormals
-) -> tuple[Factorization, OpenMovements | None]:
-    """Factorised normal equations, and the movements of a free network that had to be fixed for it."""
-    movements = open_movements(system, state, normals)
-    try:
-        return factorize(normals if movements is None else movements.held(normals), system.threads), movements
-    except SingularNormalsError as error:
-        raise explain_defect(system, state, error) from error
-
-
-def _largest(system: System, increments: _Increments) -> str:
+def _largest(system: System, step: Step) -> str:
     """The exposure or system parameter that moved most in the last step, in words."""
-    shift = np.linalg.norm(increments.of_exposures[:, :3], axis=1)
+    shift = np.linalg.norm(step.of_exposures[:, :3], axis=1)
     image = int(np.argmax(shift))
-    of_border = increments.of_border
+    of_border = step.of_border
     kind = "image" if system.block.rig is None else "event"
     return f"{kind} {system.block.events[image]} ({shift[image]:.3g} m)" + (
         f"; system parameters by up to {np.max(np.abs(of_border)):.3g}" if len(of_border) else ""

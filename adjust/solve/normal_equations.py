@@ -120,7 +120,7 @@ def _add_group(
     sums: Sums, equations: Linearization, system: System, point_normal: Floats, point_rhs: Floats
 ) -> None:
     """Add one group of whitened observation equations, whatever it is."""
-    of_exposures, of_border, of_point = _gathered(equations, system.layout, system.border)
+    of_exposures, of_border, of_point = gathered(equations, system.layout, system.border)
     if of_point is not None:
         index, jacobian = of_point
         np.add.at(point_normal, index, np.swapaxes(jacobian, 1, 2) @ jacobian)
@@ -149,7 +149,7 @@ def _add_pairs(sums: Sums, pattern: Covisibility, images: tuple[Ints, Ints], pro
     np.add.at(sums.blocks, position, here)
 
 
-def _gathered(
+def gathered(
     equations: Linearization, layout: ParameterLayout, border: int
 ) -> tuple[list[tuple[Ints, Floats]], Floats, tuple[Ints, Floats] | None]:
     """Jacobians by kind: (index, (n, m, 6)) of exposures, (n, m, g) of the border, (index, (n, m, 3))."""
