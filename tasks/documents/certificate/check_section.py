@@ -5,14 +5,13 @@ Control of the calibration says how well it fits. Only independent check points 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import pandas as pd
 
 from tasks.accuracy.check_points import check_point_differences
 from tasks.accuracy.statement import AccuracyClass, statements
-from tasks.document_kit.table import Cell, Column, Number, Row, Table, components, numbers, text_column
+from tasks.document_kit.row_table import number_of, numbers_of, table_of, text_of
+from tasks.document_kit.table import Cell, Row, Table, components, numbers, text_column
 from tasks.documents.certificate.content import Block, Listing, Section, Sentences, Words, beside
 from tasks.documents.certificate.material import CertificateMaterial
 from tasks.documents.georeferencing import check_tables
@@ -143,26 +142,12 @@ def point_section(material: CertificateMaterial) -> Section | None:
 
 def point_table(name: str, caption: str, table: pd.DataFrame) -> Table:
     """One row for each point by name: differences, their predicted σ, and the rays."""
-    shown = table.sort_values("point", kind="stable").head(MOST_POINTS)
-    note = "" if len(shown) == len(table) else f"The first {len(shown)} of {len(table):,} by name."
-    columns = (
-        text_column("point", "point"),
-        *components("{}_m", [f"d {h}" for h in _HEADINGS], "m", AXES),
-        *components("sigma_{}_m", [f"σ {h}" for h in _HEADINGS], "m", AXES),
-        Column("rays", "rays"),
+    listed = table.sort_values("point", kind="stable").head(MOST_POINTS)
+    note = "" if len(listed) == len(table) else f"The first {len(listed)} of {len(table):,} by name."
+    shown = (
+        text_of("point", "point"),
+        *numbers_of("{}_m", [f"d {h}" for h in _HEADINGS], "m", AXES, 3, plus=True),
+        *numbers_of("sigma_{}_m", [f"σ {h}" for h in _HEADINGS], "m", AXES, 3),
+        number_of("rays", "rays"),
     )
-    rows = tuple(_point_row(row) for row in shown.to_dict("records"))
-    return Table(name, caption, columns, rows, note)
-
-
-def _point_row(row: dict[object, object] | dict[str, object]) -> Row:
-    given = {str(key): value for key, value in row.items()}
-    values: Sequence[float] = [float(str(given[f"{axis}_m"])) for axis in AXES]
-    sigmas: Sequence[float] = [float(str(given[f"sigma_{axis}_m"])) for axis in AXES]
-    cells: tuple[Cell, ...] = (
-        str(given["point"]),
-        *numbers(values, 3, plus=True),
-        *numbers(sigmas, 3),
-        Number(float(str(given["rays"]))),
-    )
-    return Row(str(given["point"]), cells)
+    return table_of(name, caption, shown, listed, "{point}", note)

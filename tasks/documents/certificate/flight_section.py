@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 
 from tasks.coordinates.crs import MapFrame
+from tasks.document_kit.row_table import number_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
 from tasks.documents.certificate.content import Block, Fact, Facts, Figure, Listing, Section
 from tasks.documents.certificate.exposure_use import exposure_table
-from tasks.documents.certificate.flight_geometry import strip_groups
+from tasks.documents.certificate.flight_geometry import StripGroup, strip_groups
 from tasks.documents.certificate.flight_map import flight_map
 from tasks.documents.certificate.identity_section import NOT_DECLARED
 from tasks.documents.certificate.material import CertificateMaterial
@@ -100,46 +101,35 @@ def level_table(material: CertificateMaterial) -> Table:
 
 def strip_group_table(material: CertificateMaterial) -> Table:
     """One row for each height and axis of flight: bases, overlaps and line spacing."""
-    columns = (
-        text_column("group", "height level, axis of the strips"),
-        Column("images", "images"),
-        Column("strips", "strips"),
-        Column("lines", "lines"),
-        Column("height_m", "height above ground", "m"),
-        Column("base_m", "base", "m"),
-        Column("base_over_height", "base / height"),
-        Column("forward_overlap", "forward overlap", "%"),
-        Column("spacing_m", "line spacing", "m"),
-        Column("side_overlap", "side overlap", "%"),
-    )
-    rows = tuple(
-        Row(
-            f"level-{group.level + 1}@{group.axis_deg:.0f}",
-            (
-                f"level {group.level + 1}, {group.axis_deg:.0f}° and {group.axis_deg + 180.0:.0f}°",
-                Number(group.images),
-                Number(group.strips),
-                Number(group.lines),
-                Number(group.height_m, 0),
-                Number(group.base_m, 0),
-                Number(group.base_over_height, 2),
-                Number(_percent(group.forward_overlap), 0),
-                Number(group.spacing_m, 0),
-                Number(_percent(group.side_overlap), 0),
-            ),
-        )
-        for group in strip_groups(material.images_of_strips, material.record.camera)
-    )
     note = (
         "Medians, from the adjusted projection centres. Axes are those of the map; strips of a single "
         "exposure are excluded. Overlaps refer to the median terrain height; strips on the same line count "
         "as one line."
     )
-    return Table("strip-groups", "Overlaps and bases", columns, rows, note)
+    groups = strip_groups(material.images_of_strips, material.record.camera)
+    return table_of("strip-groups", "Overlaps and bases", _STRIP_GROUP, groups, _key_of_group, note)
 
 
-def _percent(part: float | None) -> float | None:
-    return None if part is None else 100.0 * part
+def _key_of_group(group: StripGroup) -> str:
+    return f"level-{group.level + 1}@{group.axis_deg:.0f}"
+
+
+def _words_of_group(group: StripGroup) -> str:
+    return f"level {group.level + 1}, {group.axis_deg:.0f}° and {group.axis_deg + 180.0:.0f}°"
+
+
+_STRIP_GROUP = (
+    text_of("group", "height level, axis of the strips", _words_of_group),
+    number_of("images", "images"),
+    number_of("strips", "strips"),
+    number_of("lines", "lines"),
+    number_of("height_m", "height above ground", "m"),
+    number_of("base_m", "base", "m"),
+    number_of("base_over_height", "base / height", decimals=2),
+    number_of("forward_overlap", "forward overlap", "%", factor=100.0),
+    number_of("spacing_m", "line spacing", "m"),
+    number_of("side_overlap", "side overlap", "%", factor=100.0),
+)
 
 
 def _directions(images: pd.DataFrame, known: tuple[float, ...]) -> str:

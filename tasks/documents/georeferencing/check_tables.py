@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tasks.document_kit.row_table import number_of, numbers_of, omitted, table_of, text_of
 from tasks.document_kit.table import (
     Column,
-    Number,
     Row,
     Table,
     components,
@@ -112,62 +112,31 @@ def point_table(material: CheckMaterial) -> Table:
         table[f"d{axis}_ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
     table["largest"] = table[[f"d{axis}_ratio" for axis in _AXES]].max(axis=1)
     table = table.sort_values("largest", ascending=False, kind="stable")
-    shown = table.head(MOST_ROWS)
-    columns = (
-        text_column("point", "point"),
-        text_column("status", "was"),
-        *components("d{}_m", [f"d {h}" for h in _HEADINGS], "m", _AXES),
-        *components("sigma_d{}_m", [f"σ {h}" for h in _HEADINGS], "m", _AXES),
-        *components("d{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", _AXES),
-        *components("d{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", _AXES),
-        Column("rays", "rays"),
+    listed = table.head(MOST_ROWS)
+    shown = (
+        text_of("point", "point"),
+        text_of("status", "was", lambda row: "check" if row["status"] == INDEPENDENT else "control"),
+        *numbers_of("d{}_m", [f"d {h}" for h in _HEADINGS], "m", _AXES, 3, plus=True),
+        *numbers_of("sigma_d{}_m", [f"σ {h}" for h in _HEADINGS], "m", _AXES, 3),
+        *numbers_of("d{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", _AXES, 2, plus=True),
+        *numbers_of("d{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", _AXES, 1),
+        number_of("rays", "rays"),
     )
-    rows = tuple(
-        Row(
-            str(row["point"]),
-            (
-                str(row["point"]),
-                "check" if row["status"] == INDEPENDENT else "control",
-                *numbers((row[f"d{axis}_m"] for axis in _AXES), 3, plus=True),
-                *numbers((row[f"sigma_d{axis}_m"] for axis in _AXES), 3),
-                *numbers((row[f"d{axis}_gsd"] for axis in _AXES), 2, plus=True),
-                *numbers((row[f"d{axis}_ratio"] for axis in _AXES), 1),
-                *numbers((row["rays"],), 0),
-            ),
-        )
-        for row in shown.to_dict("records")
-    )
-    note = (
-        ""
-        if len(shown) == len(table)
-        else f"The {len(shown)} largest of {len(table):,}; all in direct_georeferencing.parquet."
-    )
-    return Table("points", "Surveyed points, the largest |d|/σ first", columns, rows, note)
+    note = omitted(listed, table, "direct_georeferencing.parquet", largest=True)
+    return table_of("points", "Surveyed points, the largest |d|/σ first", shown, listed, "{point}", note)
 
 
 def statement_table(material: CheckMaterial) -> Table:
     """The statements according to the standards."""
-    columns = (
-        text_column("standard", "standard"),
-        text_column("edition", "edition"),
-        Column("check_points", "check points"),
-        Column("needed", "needed"),
-        text_column("sentence", "statement"),
+    shown = (
+        text_of("standard", "standard"),
+        text_of("edition", "edition"),
+        number_of("check_points", "check points"),
+        number_of("needed", "needed", of="check_points_needed"),
+        text_of("sentence", "statement"),
     )
-    rows = tuple(
-        Row(
-            item.standard,
-            (
-                item.standard,
-                item.edition,
-                Number(item.check_points),
-                Number(item.check_points_needed),
-                item.sentence,
-            ),
-        )
-        for item in material.figures.statements
-    )
-    return Table("statements", "Statements according to published standards", columns, rows)
+    caption = "Statements according to published standards"
+    return table_of("statements", caption, shown, material.figures.statements, "{standard}")
 
 
 def parallax_table(material: CheckMaterial) -> Table:
@@ -207,57 +176,31 @@ def model_table(material: CheckMaterial) -> Table:
     """The models with the largest RMS."""
     models = material.models[material.models["points"] > 0]
     models = models.sort_values("rms_um", ascending=False, kind="stable")
-    shown = models.head(20)
-    columns = (
-        text_column("model", "model"),
-        text_column("strip", "strip"),
-        Column("points", "points"),
-        Column("mismatches", "mismatches"),
-        Column("base_m", "base", "m"),
-        Column("rms_um", "RMS", "µm"),
-        Column("predicted_rms_um", "predicted RMS", "µm"),
-        Column("max_um", "largest", "µm"),
-        Column("remaining_rms_um", "RMS after relative orientation", "µm"),
+    listed = models.head(20)
+    shown = (
+        text_of("model", "model", lambda row: f"{row['left']} – {row['right']}"),
+        text_of("strip", "strip"),
+        number_of("points", "points"),
+        number_of("mismatches", "mismatches"),
+        number_of("base_m", "base", "m"),
+        number_of("rms_um", "RMS", "µm", 1),
+        number_of("predicted_rms_um", "predicted RMS", "µm", 1),
+        number_of("max_um", "largest", "µm", 1),
+        number_of("remaining_rms_um", "RMS after relative orientation", "µm", 2),
     )
-    rows = tuple(
-        Row(
-            f"{row['left']}|{row['right']}",
-            (
-                f"{row['left']} – {row['right']}",
-                str(row["strip"]),
-                *numbers((row["points"], row["mismatches"], row["base_m"]), 0),
-                *numbers((row[n] for n in ("rms_um", "predicted_rms_um", "max_um")), 1),
-                *numbers((row["remaining_rms_um"],), 2),
-            ),
-        )
-        for row in shown.to_dict("records")
-    )
-    note = (
-        "" if len(shown) == len(models) else f"{len(shown)} of {len(models):,}; all in stereo_models.parquet."
-    )
-    return Table("model-parallaxes", "Models with the largest y-parallaxes", columns, rows, note)
+    note = omitted(listed, models, "stereo_models.parquet")
+    caption = "Models with the largest y-parallaxes"
+    return table_of("model-parallaxes", caption, shown, listed, "{left}|{right}", note)
 
 
 def calibration_table(material: CheckMaterial) -> Table:
     """The calibration that was applied."""
-    columns = (
-        text_column("parameter", "parameter"),
-        text_column("entity", "of"),
-        Column("value", "value"),
-        Column("sigma", "σ"),
-        text_column("unit", "unit"),
+    shown = (
+        text_of("parameter", "parameter", lambda item: quantity_words(item.parameter)),
+        text_of("entity", "of"),
+        number_of("value", "value", decimals=lambda item: decimals_for(item.sigma) or 6),
+        number_of("sigma", "σ", decimals="sigma"),
+        text_of("unit", "unit"),
     )
-    rows = tuple(
-        Row(
-            f"{item.parameter}@{item.entity}",
-            (
-                quantity_words(item.parameter),
-                item.entity or "",
-                *numbers((item.value,), decimals_for(item.sigma) or 6),
-                *numbers((item.sigma,), decimals_for(item.sigma)),
-                item.unit or "",
-            ),
-        )
-        for item in material.figures.calibration
-    )
-    return Table("calibration", "Applied calibration", columns, rows)
+    applied = material.figures.calibration
+    return table_of("calibration", "Applied calibration", shown, applied, "{parameter}@{entity}")

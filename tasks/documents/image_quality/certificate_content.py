@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import cast
 
-from tasks.document_kit.table import Cell, Column, Number, Row, Table, text_column
+from tasks.document_kit.table import Cell, Number
 from tasks.documents.certificate.content import (
     Block,
     CertificateContent,
@@ -22,6 +22,7 @@ from tasks.documents.certificate.content import (
 )
 from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial, SensorMaterial
+from tasks.documents.image_quality.quality_tables import resolution_table
 from tasks.documents.image_quality.sensor_tables import column_table, pixel_table, sheet_table, transfer_table
 from tasks.files.json_text import JSON, json_text
 from tasks.image_quality.radiometric_record import (
@@ -182,59 +183,22 @@ def _aperture(sensor: SensorMaterial) -> Section:
 
 
 def _resolution(scenes: SceneMaterial) -> Section:
-    columns = (
-        Column("band", "band"),
-        text_column("direction", "along"),
-        Column("edges", "edges"),
-        Column("factor", "factor"),
-        Column("sigma_factor", "σ"),
-        Column("effective_gsd_m", "effective GSD", "m"),
-        Column("mtf50", "MTF50", "1/px"),
-        Column("mtf_nyquist", "MTF at Nyquist"),
-        text_column("sharpened", "sharpened"),
-    )
-    decimals = {
-        "edges": 0,
-        "factor": 3,
-        "sigma_factor": 3,
-        "effective_gsd_m": 4,
-        "mtf50": 3,
-        "mtf_nyquist": 3,
-    }
-    rows = tuple(
-        Row(
-            f"{row['band']}:{row['direction']}",
-            (
-                Number(row["band"]),
-                str(row["direction"]),
-                *(Number(row[name], digits) for name, digits in decimals.items()),
-                "yes" if row["sharpened"] else "no",
-            ),
-        )
-        for _, row in scenes.means[scenes.means["zone"] == "all"].iterrows()
-    )
-    table = Table("resolution", "Factor of effective resolution, at slanted edges", columns, rows)
     edges = tuple(
         Figure(
             f"edges-{band}", f"Edges of band {band} over the format", "Edges coloured by their factor", drawn
         )
         for band, drawn in plots.edge_maps(scenes).items()
     )
-    response = Figure(
-        "response", "Response", "Response against spatial frequency", plots.response_plot(scenes)
-    )
-    return Section("resolution", "Effective resolution", (Listing(table), *edges, response))
+    drawing = plots.response_plot(scenes)
+    response = Figure("response", "Response", "Response against spatial frequency", drawing)
+    table = Listing(resolution_table(scenes))
+    return Section("resolution", "Effective resolution", (table, *edges, response))
 
 
 def _lists(sensor: SensorMaterial) -> Section:
     blocks: list[Block] = []
     if len(sensor.pixels):
-        listed = pixel_table(sensor)
-        left = len(sensor.pixels) - _LISTED
-        note = f"{left:,} more are listed in defect_pixels.parquet." if left > 0 else ""
-        blocks.append(
-            Listing(Table(listed.name, listed.caption, listed.columns, listed.rows[:_LISTED], note))
-        )
+        blocks.append(Listing(pixel_table(sensor, _LISTED)))
     if len(sensor.columns):
         blocks.append(Listing(column_table(sensor)))
     if not blocks:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import cast
+from typing import Any, cast
 
-from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
+from tasks.document_kit.row_table import flag_of, number_of, table_of, text_of
+from tasks.document_kit.table import Table, decimals_for
 from tasks.documents.image_quality.material import SensorMaterial
 
 #: Lists longer than this are in their table alone.
@@ -22,99 +23,73 @@ _WORDS = {
 }
 
 
+def _is_counted(row: Mapping[str, Any]) -> bool:
+    return str(row["sheet"]).startswith("defect")
+
+
+def _value_decimals(row: Mapping[str, Any]) -> int:
+    return 0 if _is_counted(row) else max(2, decimals_for(row["sigma"]))
+
+
+def _limit_decimals(row: Mapping[str, Any]) -> int:
+    return 0 if _is_counted(row) else 4
+
+
 def sheet_table(sensor: SensorMaterial) -> Table:
     """What was found against its threshold."""
-    columns = (
-        text_column("sheet", "sheet"),
-        Column("band", "band"),
-        Column("value", "found"),
-        Column("sigma", "σ"),
-        text_column("unit", "of"),
-        Column("largest_residual", "largest residual"),
-        Column("threshold", "threshold"),
-        text_column("passed", "verdict"),
+    shown = (
+        text_of("sheet", "sheet", lambda row: _WORDS[row["sheet"]]),
+        number_of("band", "band"),
+        number_of("value", "found", decimals=_value_decimals),
+        number_of("sigma", "σ", decimals=_value_decimals),
+        text_of("unit", "of"),
+        number_of("largest_residual", "largest residual", decimals=_limit_decimals),
+        number_of("threshold", "threshold", decimals=_limit_decimals),
+        flag_of("passed", "verdict", "kept", "missed"),
     )
-    rows = []
-    for _, row in sensor.sheets.iterrows():
-        counted = str(row["sheet"]).startswith("defect")
-        decimals = 0 if counted else max(2, decimals_for(row["sigma"]))
-        rows.append(
-            Row(
-                f"{row['band']}:{row['sheet']}",
-                (
-                    _WORDS[str(row["sheet"])],
-                    Number(row["band"]),
-                    Number(row["value"], decimals),
-                    Number(row["sigma"], decimals),
-                    str(row["unit"] or ""),
-                    Number(row["largest_residual"], 0 if counted else 4),
-                    Number(row["threshold"], 0 if counted else 4),
-                    "kept" if row["passed"] else "missed",
-                ),
-            )
-        )
-    return Table("sheets", "Sheets of the protocol", columns, tuple(rows))
+    return table_of("sheets", "Sheets of the protocol", shown, sensor.sheets, "{band}:{sheet}")
 
 
-def pixel_table(sensor: SensorMaterial) -> Table:
-    """The list of defect pixels."""
-    columns = (
-        Column("band", "Band"),
-        Column("number", "Nr"),
-        Column("row", "Row"),
-        Column("column", "Column"),
-        Column("cluster", "Cluster"),
-        text_column("test", "Image"),
+def pixel_table(sensor: SensorMaterial, most: int = _LISTED) -> Table:
+    """The list of defect pixels; the rows after the first `most` are only counted."""
+    shown = (
+        number_of("band", "Band"),
+        number_of("number", "Nr"),
+        number_of("row", "Row"),
+        number_of("column", "Column"),
+        number_of("cluster", "Cluster"),
+        text_of("test", "Image"),
     )
-    rows = tuple(
-        Row(
-            f"{row['band']}:{row['number']}",
-            (*(Number(row[column.name]) for column in columns[:-1]), str(row["test"])),
-        )
-        for _, row in sensor.pixels.head(_LISTED).iterrows()
-    )
-    left = len(sensor.pixels) - len(rows)
-    note = f"{left:,} more are listed in defect_pixels.parquet." if left else ""
-    return Table("pixels", "Defect pixels (rows and columns from 0)", columns, rows, note)
+    left = len(sensor.pixels) - most
+    note = f"{left:,} more are listed in defect_pixels.parquet." if left > 0 else ""
+    caption = "Defect pixels (rows and columns from 0)"
+    return table_of("pixels", caption, shown, sensor.pixels.head(most), "{band}:{number}", note)
 
 
 def column_table(sensor: SensorMaterial) -> Table:
     """The list of defect columns."""
-    columns = (
-        Column("band", "Band"),
-        Column("number", "Nr"),
-        Column("row_start", "RowStart"),
-        Column("column_start", "ColumnStart"),
-        Column("row_end", "RowEnd"),
-        Column("column_end", "ColumnEnd"),
+    shown = (
+        number_of("band", "Band"),
+        number_of("number", "Nr"),
+        number_of("row_start", "RowStart"),
+        number_of("column_start", "ColumnStart"),
+        number_of("row_end", "RowEnd"),
+        number_of("column_end", "ColumnEnd"),
     )
-    rows = tuple(
-        Row(f"{row['band']}:{row['number']}", tuple(Number(row[column.name]) for column in columns))
-        for _, row in sensor.columns.iterrows()
-    )
-    return Table("columns", "Defect columns", columns, rows)
+    return table_of("columns", "Defect columns", shown, sensor.columns, "{band}:{number}")
 
 
 def transfer_table(sensor: SensorMaterial) -> Table:
     """Gain, read noise and full well of the bands."""
-    columns = (
-        Column("band", "band"),
-        Column("gain", "gain", "e⁻ per grey value"),
-        Column("sigma_gain", "σ"),
-        Column("read_noise", "read noise", "e⁻"),
-        Column("sigma_read_noise", "σ"),
-        Column("full_well", "full well", "e⁻"),
-        Column("statistic", "misfit of the line"),
+    shown = (
+        number_of("band", "band"),
+        number_of("gain", "gain", "e⁻ per grey value", 3),
+        number_of("sigma_gain", "σ", decimals=3),
+        number_of("read_noise", "read noise", "e⁻", 2),
+        number_of("sigma_read_noise", "σ", decimals=2),
+        number_of("full_well", "full well", "e⁻"),
+        number_of("statistic", "misfit of the line", decimals=2),
     )
     found = cast(Sequence[Mapping[str, float]], sensor.figures["photon_transfer"])
-    decimals = (0, 3, 3, 2, 2, 0, 2)
-    rows = tuple(
-        Row(
-            str(one["band"]),
-            tuple(Number(one[column.name], digits) for column, digits in zip(columns, decimals, strict=True)),
-        )
-        for one in found
-    )
-    return Table(
-        "transfer", "Photon transfer", columns, rows, "Misfit: weighted mean square, 1 if the line fits."
-    )
+    note = "Misfit: weighted mean square, 1 if the line fits."
+    return table_of("transfer", "Photon transfer", shown, found, "{band}", note)

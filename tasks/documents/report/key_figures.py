@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from tasks.document_kit.table import Column, Number, Row, Table, numbers, text_column
+from tasks.document_kit.row_table import flag_of, number_of, table_of, text_of
+from tasks.document_kit.table import Column, Row, Table, numbers, text_column
 from tasks.documents.report.causes import Cause, by_place
 from tasks.documents.report.figures import gate_words
 from tasks.documents.report.material import IMAGE_POINTS, Material
@@ -166,53 +167,25 @@ def _row(key: str, words: str, unit: str, values: tuple[float | None, ...], deci
 
 def group_table(material: Material) -> Table:
     """The observation groups."""
-    columns = (
-        text_column("group", "observation group"),
-        Column("observations", "observed components"),
-        Column("redundancy", "redundancy"),
-        Column("sigma0", "σ0 of the group"),
-        Column("rejected", "rejected"),
-        Column("uncontrolled", "uncontrolled"),
+    shown = (
+        text_of("group", "observation group", lambda item: group_words(item.group)),
+        number_of("observations", "observed components"),
+        number_of("redundancy", "redundancy", decimals=1),
+        number_of("sigma0", "σ0 of the group", decimals=3),
+        number_of("rejected", "rejected"),
+        number_of("uncontrolled", "uncontrolled"),
     )
-    rows = tuple(
-        Row(
-            group.group,
-            (
-                group_words(group.group),
-                Number(group.observations),
-                Number(group.redundancy, 1),
-                Number(group.sigma0, 3),
-                Number(group.rejected),
-                Number(group.uncontrolled),
-            ),
-        )
-        for group in material.figures.groups
-    )
-    return Table("groups", "Observation groups", columns, rows)
+    return table_of("groups", "Observation groups", shown, material.figures.groups, "{group}")
 
 
 def gate_table(gates: Sequence[GateResult]) -> Table:
     """The limits of the project, and whether they are met."""
-    columns = (
-        text_column("gate", "limit of"),
-        Column("value", "value"),
-        text_column("bound", ""),
-        Column("limit", "limit"),
-        text_column("unit", "unit"),
-        text_column("passed", "verdict"),
+    shown = (
+        text_of("gate", "limit of", lambda gate: gate_words(gate.name)),
+        number_of("value", "value", decimals=3),
+        text_of("bound", "", lambda gate: "≤" if gate.bound == "max" else "≥"),
+        number_of("limit", "limit", decimals=3),
+        text_of("unit", "unit", lambda gate: unit_words(gate.unit)),
+        flag_of("passed", "verdict", "met", "not met"),
     )
-    rows = tuple(
-        Row(
-            f"{gate.name}:{gate.bound}",
-            (
-                gate_words(gate.name),
-                Number(gate.value, 3),
-                "≤" if gate.bound == "max" else "≥",
-                Number(gate.limit, 3),
-                unit_words(gate.unit),
-                "met" if gate.passed else "not met",
-            ),
-        )
-        for gate in gates
-    )
-    return Table("gates", "Limits set in the project", columns, rows)
+    return table_of("gates", "Limits set in the project", shown, gates, "{name}:{bound}")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
+from tasks.document_kit.row_table import number_of, table_of, text_of
+from tasks.document_kit.table import Table, decimals_for
 from tasks.documents.report.material import Material
 from tasks.evaluation.alternative_words import alternative_words
 from tasks.quantities import entity_words, shown
@@ -28,41 +29,12 @@ def strongest_table(material: Material) -> Table:
     ordered = known.assign(place=place, size=size).sort_values(
         ["place", "size"], ascending=[True, False], kind="stable"
     )
-    columns = (
-        text_column("alternative", "possible difference"),
-        Column("estimate", "size"),
-        Column("sigma", "σ"),
-        text_column("unit", "unit"),
-        Column("t", "t"),
-        text_column("finding", "significant"),
-        text_column("moves", "moves most"),
-        Column("moved_by", "by", "σ"),
+    listed = ordered.head(MOST)
+    note = (
+        f"The {len(listed)} strongest of {len(known):,} that were tested; all in model_alternatives.parquet."
     )
-    rows = tuple(_strongest_row(row) for row in ordered.head(MOST).to_dict("records"))
-    note = f"The {len(rows)} strongest of {len(known):,} that were tested; all in model_alternatives.parquet."
-    return Table(
-        "model-alternatives", "Tested deficiencies of the model, most significant first", columns, rows, note
-    )
-
-
-def _strongest_row(row: Mapping[Hashable, Any]) -> Row:
-    unit, factor, _ = shown(str(row["unit"]))
-    sizes = ("explained", "explained_sigma") if row["rank"] > 0 else ("estimate", "sigma")
-    value, sigma = (float(row[name]) * factor for name in sizes)
-    decimals = decimals_for(sigma)
-    return Row(
-        _key(row),
-        (
-            _what(row),
-            Number(value, decimals, plus=True),
-            Number(sigma, decimals),
-            unit,
-            Number(value / sigma, 1, plus=True),
-            _significance(row),
-            _moved(row),
-            Number(float(row["moved_by_estimate"]), 1),
-        ),
-    )
+    caption = "Tested deficiencies of the model, most significant first"
+    return table_of("model-alternatives", caption, _STRONGEST, listed, _key, note)
 
 
 def unnoticed_table(material: Material) -> Table:
@@ -76,36 +48,38 @@ def unnoticed_table(material: Material) -> Table:
     strips = table["scope"] == "strip"
     chosen = pd.concat([table[~strips], table[strips].drop_duplicates("quantity")])
     chosen = chosen.sort_values("moved", ascending=False, kind="stable")
-    columns = (
-        text_column("alternative", "an error of"),
-        Column("detectable", "detected from"),
-        text_column("unit", "unit"),
-        text_column("moves", "below this it may change"),
-        Column("moved_by", "by up to", "σ"),
-    )
-    rows = tuple(_unnoticed_row(row) for row in chosen.head(MOST).to_dict("records"))
     note = (
         "Size detected with a probability of 80 % among all other tests. Without a number: this block "
         "cannot separate it from the parameter it affects, regardless of its size; that it is zero is an "
         "assumption. All in model_alternatives.parquet and model_alternative_effects.parquet."
     )
-    return Table("unnoticed-errors", "Errors that may remain undetected", columns, rows, note)
+    caption = "Errors that may remain undetected"
+    return table_of("unnoticed-errors", caption, _UNNOTICED, chosen.head(MOST), _key, note)
 
 
-def _unnoticed_row(row: Mapping[Hashable, Any]) -> Row:
-    unit, factor, _ = shown(str(row["unit"]))
-    detectable = float(row["detectable"]) * factor
-    known = np.isfinite(detectable)
-    return Row(
-        _key(row),
-        (
-            _what(row),
-            Number(detectable, decimals_for(detectable)),
-            unit if known else "",
-            _moved(row),
-            Number(float(row["moved"]) if known else None, 1),
-        ),
-    )
+def _size(row: Mapping[Hashable, Any]) -> float:
+    return float(row["explained" if row["rank"] > 0 else "estimate"]) * _factor(row)
+
+
+def _sigma(row: Mapping[Hashable, Any]) -> float:
+    return float(row["explained_sigma" if row["rank"] > 0 else "sigma"]) * _factor(row)
+
+
+def _detectable(row: Mapping[Hashable, Any]) -> float:
+    return float(row["detectable"]) * _factor(row)
+
+
+def _factor(row: Mapping[Hashable, Any]) -> float:
+    return shown(str(row["unit"])).factor
+
+
+def _unit(row: Mapping[Hashable, Any]) -> str:
+    return shown(str(row["unit"])).unit
+
+
+def _of_known_size(read: Callable[[Mapping[Hashable, Any]], Any]) -> Callable[[Mapping[Hashable, Any]], Any]:
+    """What is read where the detectable size is finite; otherwise nothing."""
+    return lambda row: read(row) if np.isfinite(row["detectable"]) else None
 
 
 def _what(row: Mapping[Hashable, Any]) -> str:
@@ -124,3 +98,24 @@ def _moved(row: Mapping[Hashable, Any]) -> str:
 
 def _key(row: Mapping[Hashable, Any]) -> str:
     return "|".join(str(row[name]) for name in ("quantity", "entity", "scope", "part"))
+
+
+_STRONGEST = (
+    text_of("alternative", "possible difference", _what),
+    number_of("estimate", "size", decimals=lambda row: decimals_for(_sigma(row)), plus=True, of=_size),
+    number_of("sigma", "σ", decimals=lambda row: decimals_for(_sigma(row)), of=_sigma),
+    text_of("unit", "unit", _unit),
+    number_of("t", "t", decimals=1, plus=True, of=lambda row: _size(row) / _sigma(row)),
+    text_of("finding", "significant", _significance),
+    text_of("moves", "moves most", _moved),
+    number_of("moved_by", "by", "σ", 1, of="moved_by_estimate"),
+)
+_UNNOTICED = (
+    text_of("alternative", "an error of", _what),
+    number_of(
+        "detectable", "detected from", decimals=lambda row: decimals_for(_detectable(row)), of=_detectable
+    ),
+    text_of("unit", "unit", _of_known_size(_unit)),
+    text_of("moves", "below this it may change", _moved),
+    number_of("moved_by", "by up to", "σ", 1, of=_of_known_size(lambda row: row["moved"])),
+)

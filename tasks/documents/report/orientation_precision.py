@@ -10,9 +10,10 @@ from adjust.arrays import Floats, Ints
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale
 from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.row_table import number_of, numbers_of, omitted, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.report.material import Material
-from tasks.documents.report.worst_residuals import MOST_LISTED, listed_note
+from tasks.documents.report.worst_residuals import MOST_LISTED
 
 _MDEG = 1e3
 # More places along the plot than this cannot be separated on a screen.
@@ -51,39 +52,24 @@ def orientation_table(material: Material) -> Table:
 
 
 _LISTED = (
+    text_of("image", "image"),
+    text_of("strip", "strip"),
+    *numbers_of("{}_m", ("east", "north", "height"), "m", "xyz", 3),
+    *numbers_of("{}_deg", "ωφκ", "°", ("omega", "phi", "kappa"), 5),
     *(
-        (f"{axis}_m", heading, "m", 3)
-        for axis, heading in zip("xyz", ("east", "north", "height"), strict=True)
+        number_of(name, symbol, unit, 3 if unit == "m" else 2, factor=factor)
+        for name, symbol, unit, factor in COMPONENTS
     ),
-    *((f"{name}_deg", symbol, "°", 5) for name, symbol in zip(("omega", "phi", "kappa"), "ωφκ", strict=True)),
 )
 
 
 def orientation_list(material: Material) -> Table:
     """The orientation of every image with its standard deviations, by strip and name."""
     images = material.oriented
-    columns = (
-        text_column("image", "image"),
-        text_column("strip", "strip"),
-        *(Column(name, heading, unit) for name, heading, unit, _ in _LISTED),
-        *(Column(name, symbol, unit) for name, symbol, unit, _ in COMPONENTS),
-    )
     listed = images.head(MOST_LISTED)
-    shown = [
-        *((listed[name], decimals) for name, _, _, decimals in _LISTED),
-        *((listed[name] * factor, 3 if unit == "m" else 2) for name, _, unit, factor in COMPONENTS),
-    ]
-    rows = tuple(
-        Row(image, (image, strip, *values))
-        for image, strip, *values in zip(
-            listed["image"].tolist(),
-            listed["strip"].tolist(),
-            *(numbers(values.tolist(), decimals) for values, decimals in shown),
-            strict=True,
-        )
-    )
-    note = listed_note(images, "exterior_orientations.parquet")
-    return Table("orientation-list", "Exterior orientations of the images", columns, rows, note)
+    note = omitted(listed, images, "exterior_orientations.parquet")
+    caption = "Exterior orientations of the images"
+    return table_of("orientation-list", caption, _LISTED, listed, "{image}", note)
 
 
 def neighbour_table(material: Material) -> Table:

@@ -6,7 +6,8 @@ import re
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Any
 
-from tasks.document_kit.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
+from tasks.document_kit.row_table import Shown, flag_of, number_of, omitted, table_of, text_of
+from tasks.document_kit.table import Table, decimals_for
 from tasks.documents.report.correlations import natural_key
 from tasks.documents.report.material import Material
 
@@ -16,38 +17,56 @@ _DECISIONS = {"is significant": "significant", "is eliminated": "eliminated", "i
 
 
 def offered_table(material: Material) -> Table:
-    """The additional parameters that were offered to the adjustment."""
-    columns = (
-        text_column("parameter", "parameter"),
-        text_column("entity", "of"),
-        text_column("meaning", "meaning"),
-        Column("value", "value"),
-        Column("sigma", "σ"),
-        text_column("unit", "unit"),
-        Column("t", "t"),
-        Column("effect_max_um", "largest effect", "µm"),
-        Column("effect_rms_um", "RMS effect", "µm"),
-        text_column("decision", "decision"),
-        Column("total_correlation", "total correlation"),
-        Column("strongest_correlation", "strongest correlation"),
-        text_column("correlated_with", "with"),
-        Column("t_of_all", "t with all"),
-        text_column("formula", "formula"),
-    )
+    """The additional parameters that were offered, with as many decimals as give their σ two digits."""
     table = material.self_calibration
+    name, caption = "self-calibration", "Additional parameters"
     if table.empty:
-        return Table("self-calibration", "Additional parameters", columns, ())
+        return table_of(name, caption, _offered(""), (), "")
     keys = table["entity"] + "@" + table["parameter"]
     ordered = table.loc[sorted(table.index, key=lambda row: natural_key(keys[row]))]
-    shown = ordered.head(MOST_ROWS)
-    note = ""
-    if len(shown) < len(ordered):
-        note = f"The first {len(shown)} of {len(ordered):,}; all in self_calibration.parquet."
-    tail = common_level(table["reason"].tolist())
-    if tail:
-        note = f"{note} Tests of t are {tail}.".strip()
-    rows = tuple(_row(row, tail) for row in shown.to_dict("records"))
-    return Table("self-calibration", "Additional parameters", columns, rows, note)
+    listed = ordered.head(MOST_ROWS)
+    note = omitted(listed, ordered, "self_calibration.parquet")
+    level = common_level(table["reason"].tolist())
+    if level:
+        note = f"{note} Tests of t are {level}.".strip()
+    return table_of(name, caption, _offered(level), listed, "{parameter}@{entity}", note)
+
+
+def _offered(level: str) -> tuple[Shown, ...]:
+    """The columns; what was eliminated has no value and no effect."""
+
+    def decision(row: Mapping[Hashable, Any]) -> str:
+        reason = str(row["reason"]).removesuffix(f" ({level})")
+        return f"{_DECISIONS[str(row['decision'])]}: {reason}"
+
+    def partner(row: Mapping[Hashable, Any]) -> str:
+        """What it is correlated with; its entity only where it is another one."""
+        same = row["correlated_entity"] == row["entity"]
+        return str((row["correlated_parameter"] if same else row["correlated_with"]) or "")
+
+    def effect(name: str, heading: str) -> Shown:
+        def read(row: Mapping[Hashable, Any]) -> float | None:
+            return None if row["decision"] == "is eliminated" else float(row[name])
+
+        return number_of(name, heading, "µm", 2, of=read)
+
+    return (
+        text_of("parameter", "parameter"),
+        text_of("entity", "of"),
+        text_of("meaning", "meaning"),
+        number_of("value", "value", decimals="sigma"),
+        number_of("sigma", "σ", decimals="sigma"),
+        text_of("unit", "unit"),
+        number_of("t", "t", decimals=1, plus=True),
+        effect("effect_max_um", "largest effect"),
+        effect("effect_rms_um", "RMS effect"),
+        text_of("decision", "decision", decision),
+        number_of("total_correlation", "total correlation", decimals=3),
+        number_of("strongest_correlation", "strongest correlation", decimals=2, plus=True),
+        text_of("correlated_with", "with", partner),
+        number_of("t_of_all", "t with all", decimals=1, plus=True),
+        text_of("formula", "formula"),
+    )
 
 
 def common_level(reasons: Iterable[str]) -> str:
@@ -56,86 +75,38 @@ def common_level(reasons: Iterable[str]) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def _row(row: Mapping[Hashable, Any], level: str) -> Row:
-    """A parameter with as many decimals as give its σ two digits; what was eliminated has no value."""
-    gone = row["decision"] == "is eliminated"
-    effects = [None if gone else float(row[name]) for name in ("effect_max_um", "effect_rms_um")]
-    decimals = decimals_for(float(row["sigma"]))
-    reason = str(row["reason"]).removesuffix(f" ({level})")
-    cells: tuple[Cell, ...] = (
-        str(row["parameter"]),
-        str(row["entity"]),
-        str(row["meaning"]),
-        *numbers((row["value"], row["sigma"]), decimals),
-        str(row["unit"]),
-        *numbers((row["t"],), 1, plus=True),
-        *numbers(effects, 2),
-        f"{_DECISIONS[str(row['decision'])]}: {reason}",
-        *numbers((row["total_correlation"],), 3),
-        *numbers((row["strongest_correlation"],), 2, plus=True),
-        _partner(row),
-        *numbers((row["t_of_all"],), 1, plus=True),
-        str(row["formula"]),
-    )
-    return Row(f"{row['parameter']}@{row['entity']}", cells)
-
-
-def _partner(row: Mapping[Hashable, Any]) -> str:
-    """What a parameter is correlated with; its entity only where it is another one."""
-    same = row["correlated_entity"] == row["entity"]
-    return str((row["correlated_parameter"] if same else row["correlated_with"]) or "")
-
-
 def group_table(material: Material) -> Table:
     """F-tests of the parts of the selection against zero."""
     figures = material.figures.self_calibration
-    rows = [
-        Row(
-            test.group,
-            (
-                test.group,
-                *_test_cells(test.parameters, test.statistic, test.critical, test.probability),
-                "contributes" if test.significant else "does not differ from zero",
-            ),
-        )
-        for test in (figures.groups if figures else ())
-    ]
-    columns = (text_column("group", "group"), *_TEST_COLUMNS)
-    return Table("self-calibration-groups", "F-tests of whole groups against zero", columns, tuple(rows))
+    shown = (
+        text_of("group", "group"),
+        *_F_TEST,
+        flag_of("significant", "verdict", "contributes", "does not differ from zero"),
+    )
+    caption = "F-tests of whole groups against zero"
+    return table_of("self-calibration-groups", caption, shown, figures.groups if figures else (), "{group}")
 
 
 def flight_table(material: Material) -> Table:
     """F-tests whether the additional parameters of a camera differ between flights."""
     figures = material.figures.self_calibration
-    rows = [
-        Row(
-            f"{test.first}|{test.second}",
-            (
-                test.first,
-                test.second,
-                *_test_cells(test.parameters, test.statistic, test.critical, test.probability),
-                "differ" if test.differ else "do not differ",
-            ),
-        )
-        for test in (figures.flights if figures else ())
-    ]
-    columns = (text_column("first", "first"), text_column("second", "second"), *_TEST_COLUMNS)
-    caption = "F-tests of the difference between flights"
-    return Table("self-calibration-flights", caption, columns, tuple(rows))
-
-
-_TEST_COLUMNS = (
-    Column("parameters", "parameters"),
-    Column("statistic", "F"),
-    Column("critical", "limit (α = 1 %)"),
-    Column("probability", "probability by chance"),
-    text_column("verdict", "verdict"),
-)
-
-
-def _test_cells(parameters: int, statistic: float, critical: float, probability: float) -> tuple[Cell, ...]:
-    return (
-        *numbers((float(parameters),), 0),
-        *numbers((statistic, critical), 2),
-        *numbers((probability,), max(4, decimals_for(probability, 1))),
+    shown = (
+        text_of("first", "first"),
+        text_of("second", "second"),
+        *_F_TEST,
+        flag_of("differ", "verdict", "differ", "do not differ"),
     )
+    caption, tests = "F-tests of the difference between flights", figures.flights if figures else ()
+    return table_of("self-calibration-flights", caption, shown, tests, "{first}|{second}")
+
+
+_F_TEST = (
+    number_of("parameters", "parameters"),
+    number_of("statistic", "F", decimals=2),
+    number_of("critical", "limit (α = 1 %)", decimals=2),
+    number_of(
+        "probability",
+        "probability by chance",
+        decimals=lambda test: max(4, decimals_for(test.probability, 1)),
+    ),
+)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from tasks.document_kit.row_table import number_of, numbers_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
 from tasks.document_kit.templates import templates
 from tasks.results.figures import StatementFigure
@@ -69,20 +70,9 @@ def render(statements: Sequence[StatementFigure], check_points: pd.DataFrame, na
 
 
 def _points(check_points: pd.DataFrame) -> Table:
-    columns = (
-        text_column("point", "point"),
-        *(Column(f"d{a}_m", f"d {way}", "m") for a, way in zip("xyz", ("east", "north", "up"), strict=True)),
-        Column("rays", "rays"),
+    shown = (
+        text_of("point", "point"),
+        *numbers_of("d{}_m", ("d east", "d north", "d up"), "m", "xyz", 3, plus=True),
+        number_of("rays", "rays"),
     )
-    rows = tuple(
-        Row(
-            str(row["point"]),
-            (
-                str(row["point"]),
-                *numbers((row[f"d{axis}_m"] for axis in "xyz"), 3, plus=True),
-                Number(float(row["rays"])),
-            ),
-        )
-        for row in check_points.to_dict("records")
-    )
-    return Table("statement-points", "Check points, computed − given", columns, rows)
+    return table_of("statement-points", "Check points, computed − given", shown, check_points, "{point}")

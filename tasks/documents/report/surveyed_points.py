@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
-from tasks.document_kit.table import Column, Number, Row, Table, components, numbers, text_column
+from tasks.document_kit.row_table import number_of, numbers_of, omitted, table_of, text_of
+from tasks.document_kit.table import Row, Table, components, numbers, text_column
 from tasks.documents.report.material import Material
 from tasks.documents.report.surveyed_differences import AXES, LEFT_OUT
 from tasks.results.summary import CheckPointTest
@@ -17,48 +18,52 @@ _HEADINGS = ("east", "north", "up")
 MOST_ROWS = 100
 
 
-_LEFT_OUT_COLUMNS = (
-    *components("loo_{}_m", [f"without it, d {h}" for h in _HEADINGS], "m", AXES),
-    Column("loo_largest", "without it, |d|/σ"),
+_DIFFERENCES = (
+    text_of("point", "point"),
+    *numbers_of("{}_m", [f"d {h}" for h in _HEADINGS], "m", AXES, 3, plus=True),
+    *numbers_of("sigma_{}_m", [f"σ {h}" for h in _HEADINGS], "m", AXES, 3),
+    *numbers_of("{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", AXES, 2, plus=True),
+    *numbers_of("{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", AXES, 1),
+    number_of("rays", "rays"),
+)
+_OF_CONTROL = (
+    text_of("status", "status"),
+    *numbers_of(
+        "loo_{}_m",
+        [f"without it, d {h}" for h in _HEADINGS],
+        "m",
+        AXES,
+        3,
+        plus=True,
+        of=f"{LEFT_OUT}{{}}_m",
+    ),
+    number_of("loo_largest", "without it, |d|/σ", decimals=1, of=f"{LEFT_OUT}largest"),
+)
+_COORDINATE = (
+    text_of("way", "", "heading"),
+    number_of("points", "points"),
+    number_of("rms", "RMS", "m", 3),
+    number_of("predicted", "predicted RMS", "m", 3),
+    number_of("low", "limits, from", "m", 3),
+    number_of("high", "to", "m", 3),
+    number_of("ratio", "RMS/predicted", decimals=2),
+    number_of("degrees", "degrees of freedom", decimals=1),
+    number_of("mean", "mean", "m", 3, plus=True),
+    number_of("mean_limit", "its limit ±", "m", 3),
+    text_of("verdict", "verdict"),
 )
 
 
 def point_table(material: Material, is_check: bool) -> Table:
     """One row for each point, the largest |d|/σ first."""
     table = material.differences(is_check).sort_values("largest", ascending=False, kind="stable")
-    shown = table.head(MOST_ROWS)
+    listed = table.head(MOST_ROWS)
     kind = "check points" if is_check else "control points"
     file = "check_points.parquet" if is_check else "control_residuals.parquet"
-    note = "" if len(shown) == len(table) else f"The {len(shown)} largest of {len(table):,}; all in {file}."
-    columns = (
-        text_column("point", "point"),
-        *components("{}_m", [f"d {h}" for h in _HEADINGS], "m", AXES),
-        *components("sigma_{}_m", [f"σ {h}" for h in _HEADINGS], "m", AXES),
-        *components("{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", AXES),
-        *components("{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", AXES),
-        Column("rays", "rays"),
-        *(() if is_check else (text_column("status", "status"), *_LEFT_OUT_COLUMNS)),
-    )
-    rows = tuple(
-        Row(
-            str(row["point"]),
-            (
-                str(row["point"]),
-                *numbers((row[f"{axis}_m"] for axis in AXES), 3, plus=True),
-                *numbers((row[f"sigma_{axis}_m"] for axis in AXES), 3),
-                *numbers((row[f"{axis}_gsd"] for axis in AXES), 2, plus=True),
-                *numbers((row[f"{axis}_ratio"] for axis in AXES), 1),
-                *numbers((row["rays"],), 0),
-                *(() if is_check else (str(row["status"]),)),
-                *(() if is_check else numbers((row[f"{LEFT_OUT}{axis}_m"] for axis in AXES), 3, plus=True)),
-                *(() if is_check else numbers((row[f"{LEFT_OUT}largest"],), 1)),
-            ),
-        )
-        for row in shown.to_dict("records")
-    )
-    return Table(
-        f"{kind.replace(' ', '-')}", f"{kind.capitalize()}, the largest |d|/σ first", columns, rows, note
-    )
+    shown = _DIFFERENCES if is_check else (*_DIFFERENCES, *_OF_CONTROL)
+    caption = f"{kind.capitalize()}, the largest |d|/σ first"
+    note = omitted(listed, table, file, largest=True)
+    return table_of(kind.replace(" ", "-"), caption, shown, listed, "{point}", note)
 
 
 def statistics(material: Material) -> Table:
@@ -92,84 +97,53 @@ def distance_table(material: Material) -> Table:
     d, sigma = (table[name].to_numpy(np.float64) for name in ("difference_m", "sigma_difference_m"))
     table["ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
     table = table.sort_values(["status", "ratio"], ascending=[True, False], kind="stable")
-    shown = table.head(MOST_ROWS)
-    note = (
-        ""
-        if len(shown) == len(table)
-        else f"The first {len(shown)} of {len(table):,}; all in distance_residuals.parquet."
+    listed = table.head(MOST_ROWS)
+    shown = (
+        text_of("point", "from"),
+        text_of("other_point", "to"),
+        text_of("status", "status"),
+        number_of("distance", "distance", "m", 5, of="distance_m"),
+        number_of("difference", "d", "mm", 3, plus=True, factor=1e3, of="difference_m"),
+        number_of("sigma", "σ of d", "mm", 3, factor=1e3, of="sigma_difference_m"),
+        number_of("ratio", "|d|/σ", decimals=1),
     )
-    columns = (
-        text_column("point", "from"),
-        text_column("other_point", "to"),
-        text_column("status", "status"),
-        Column("distance", "distance", "m"),
-        Column("difference", "d", "mm"),
-        Column("sigma", "σ of d", "mm"),
-        Column("ratio", "|d|/σ"),
-    )
-    rows = tuple(
-        Row(
-            f"{row['point']}:{row['other_point']}",
-            (
-                str(row["point"]),
-                str(row["other_point"]),
-                str(row["status"]),
-                *numbers((row["distance_m"],), 5),
-                *numbers((1e3 * row["difference_m"],), 3, plus=True),
-                *numbers((1e3 * row["sigma_difference_m"],), 3),
-                *numbers((row["ratio"],), 1),
-            ),
-        )
-        for row in shown.to_dict("records")
-    )
-    return Table("distances", "Distances, computed − given", columns, rows, note)
+    note = omitted(listed, table, "distance_residuals.parquet")
+    caption = "Distances, computed − given"
+    return table_of("distances", caption, shown, listed, "{point}:{other_point}", note)
 
 
 def check_test_table(material: Material) -> Table:
     """Check points compared with the values expected from their σ, a row for each coordinate."""
     found = material.summary.check_point_test
-    columns = (
-        text_column("way", ""),
-        Column("points", "points"),
-        Column("rms", "RMS", "m"),
-        Column("predicted", "predicted RMS", "m"),
-        Column("low", "limits, from", "m"),
-        Column("high", "to", "m"),
-        Column("ratio", "RMS/predicted"),
-        Column("degrees", "degrees of freedom"),
-        Column("mean", "mean", "m"),
-        Column("mean_limit", "its limit ±", "m"),
-        text_column("verdict", "verdict"),
-    )
-    rows = () if found is None else tuple(_test_row(found, k) for k in range(3) if found.points[k])
+    rows = [] if found is None else [_coordinate(found, k) for k in range(3) if found.points[k]]
     note = (
         ""
         if found is None
         else f"All limits together hold with a probability of {100 * found.confidence:g} %."
     )
-    return Table("check-point-test", "Check points against their predicted σ", columns, rows, note)
+    caption = "Check points against their predicted σ"
+    return table_of("check-point-test", caption, _COORDINATE, rows, "{heading}", note)
 
 
-def _test_row(found: CheckPointTest, k: int) -> Row:
+def _coordinate(found: CheckPointTest, k: int) -> dict[str, str | float | None]:
     """One coordinate of the test."""
     rms, low, high = (
         float(one[k] or 0.0) for one in (found.rmse_m, found.predicted_low_m, found.predicted_high_m)
     )
     beyond = rms > high or abs(found.mean_m[k] or 0.0) > (found.mean_limit_m[k] or 0.0)
-    metres = (found.rmse_m[k], found.predicted_rmse_m[k], low, high)
-    return Row(
-        _HEADINGS[k],
-        (
-            _HEADINGS[k],
-            Number(found.points[k]),
-            *numbers(metres, 3),
-            Number(found.ratio[k], 2),
-            Number(found.degrees_of_freedom[k], 1),
-            *numbers((found.mean_m[k],), 3, plus=True),
-            Number(found.mean_limit_m[k], 3),
-            "beyond its limits" if beyond else "smaller than expected" if rms < low else "as expected",
-        ),
-    )
+    return {
+        "heading": _HEADINGS[k],
+        "points": found.points[k],
+        "rms": found.rmse_m[k],
+        "predicted": found.predicted_rmse_m[k],
+        "low": low,
+        "high": high,
+        "ratio": found.ratio[k],
+        "degrees": found.degrees_of_freedom[k],
+        "mean": found.mean_m[k],
+        "mean_limit": found.mean_limit_m[k],
+        "verdict": "beyond its limits" if beyond else "smaller than expected" if rms < low else "as expected",
+    }
 
 
 def _folds(material: Material) -> str:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tasks.document_kit.table import Column, Row, Table, decimals_for, numbers, text_column
+from tasks.document_kit.row_table import number_of, omitted, table_of, text_of
+from tasks.document_kit.table import Table, decimals_for
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.quantities import group_words, unit_words
 
@@ -23,31 +24,12 @@ def rejected_table(material: Material) -> Table:
     rejected = table[table["status"] == "rejected"].copy()
     rejected["ratio"] = (rejected["residual"] / rejected["sigma"]).abs()
     rejected = rejected.sort_values("ratio", ascending=False, kind="stable")
-    shown = rejected.head(MOST_REJECTED)
-    note = ""
-    if len(shown) < len(rejected):
-        note = f'The {len(shown)} largest of {len(rejected):,}; all in residuals.parquet (status "rejected").'
-    columns = (
-        *observation_columns(),
-        Column("residual", "v"),
-        Column("sigma", "σ a priori"),
-        text_column("unit", "unit"),
-        Column("ratio", "|v|/σ"),
+    listed = rejected.head(MOST_REJECTED)
+    note = omitted(listed, rejected, 'residuals.parquet (status "rejected")', largest=True)
+    shown = (*OBSERVATION, *RESIDUAL, number_of("ratio", "|v|/σ", decimals=1))
+    return table_of(
+        "rejected", "Rejected components, the largest |v|/σ first", shown, listed, observation_key, note
     )
-    rows = tuple(
-        Row(
-            observation_key(row),
-            (
-                *observation(row),
-                *numbers((row["residual"],), decimals_for(float(row["sigma"]), 3), plus=True),
-                *numbers((row["sigma"],), decimals_for(float(row["sigma"]), 3)),
-                unit_words(str(row["unit"])),
-                *numbers((row["ratio"],), 1),
-            ),
-        )
-        for row in shown.to_dict("records")
-    )
-    return Table("rejected", "Rejected components, the largest |v|/σ first", columns, rows, note)
 
 
 def uncontrolled_images(material: Material) -> Table:
@@ -56,24 +38,25 @@ def uncontrolled_images(material: Material) -> Table:
     took_part = (table["group"] == IMAGE_POINTS) & table["status"].isin(["used", "uncontrolled"])
     own = table.loc[took_part, ["image", "status"]]
     counted = (
-        pd.DataFrame({"image": own["image"], "uncontrolled": own["status"] == "uncontrolled"})
-        .groupby("image")["uncontrolled"]
-        .agg(["sum", "size"])
+        pd.DataFrame({"image": own["image"], "few": own["status"] == "uncontrolled"})
+        .groupby("image")["few"]
+        .agg(uncontrolled="sum", coordinates="size")
+        .reset_index()
     )
-    counted = counted[counted["sum"] > 0].sort_values("sum", ascending=False, kind="stable")
-    shown = counted.head(MOST_IMAGES)
-    note = "" if len(shown) == len(counted) else f"The {len(shown)} images with the most of {len(counted):,}."
-    columns = (
-        text_column("image", "image"),
-        Column("uncontrolled", "uncontrolled coordinates"),
-        Column("coordinates", "of"),
-        Column("share", "share", "%"),
+    counted = counted[counted["uncontrolled"] > 0].sort_values("uncontrolled", ascending=False, kind="stable")
+    counted["share"] = 100.0 * counted["uncontrolled"] / counted["coordinates"]
+    listed = counted.head(MOST_IMAGES)
+    note = (
+        "" if len(listed) == len(counted) else f"The {len(listed)} images with the most of {len(counted):,}."
     )
-    rows = tuple(
-        Row(str(name), (str(name), *numbers((few, all_), 0), *numbers((100.0 * few / all_,), 1)))
-        for name, few, all_ in zip(shown.index, shown["sum"], shown["size"], strict=True)
+    shown = (
+        text_of("image", "image"),
+        number_of("uncontrolled", "uncontrolled coordinates"),
+        number_of("coordinates", "of"),
+        number_of("share", "share", "%", 1),
     )
-    return Table("uncontrolled-images", "Uncontrolled image coordinates by image", columns, rows, note)
+    caption = "Uncontrolled image coordinates by image"
+    return table_of("uncontrolled-images", caption, shown, listed, "{image}", note)
 
 
 def uncontrolled_table(material: Material) -> Table:
@@ -81,33 +64,10 @@ def uncontrolled_table(material: Material) -> Table:
     table = material.residuals
     others = table[(table["status"] == "uncontrolled") & (table["group"] != IMAGE_POINTS)]
     others = others.sort_values("redundancy", kind="stable")
-    shown = others.head(MOST_UNCONTROLLED)
-    note = (
-        ""
-        if len(shown) == len(others)
-        else f"The first {len(shown)} of {len(others):,}; all in residuals.parquet."
-    )
-    rows = tuple(
-        Row(observation_key(row), (*observation(row), *numbers((row["redundancy"],), 3)))
-        for row in shown.to_dict("records")
-    )
-    columns = (*observation_columns(), Column("redundancy", "redundancy number"))
-    return Table("uncontrolled", "Other uncontrolled observations", columns, rows, note)
-
-
-def observation_columns() -> tuple[Column, ...]:
-    """Columns that identify the observation of a row."""
-    return (
-        text_column("group", "group"),
-        text_column("image", "image"),
-        text_column("point", "point"),
-        text_column("component", "component"),
-    )
-
-
-def observation(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
-    """Its cells in these columns."""
-    return (group_words(str(row["group"])), _name(row["image"]), _name(row["point"]), str(row["component"]))
+    listed = others.head(MOST_UNCONTROLLED)
+    note = omitted(listed, others, "residuals.parquet")
+    shown = (*OBSERVATION, number_of("redundancy", "redundancy number", decimals=3))
+    return table_of("uncontrolled", "Other uncontrolled observations", shown, listed, observation_key, note)
 
 
 def observation_key(row: Mapping[Hashable, Any]) -> str:
@@ -119,3 +79,22 @@ def _name(value: object) -> str:
     """The name of an image or point; empty where it does not apply."""
     missing = value is None or (isinstance(value, float) and np.isnan(value))
     return "" if missing else str(value)
+
+
+def _digits(row: Mapping[Hashable, Any]) -> int:
+    return decimals_for(float(row["sigma"]), 3)
+
+
+#: Columns that identify the observation of a row of residuals.parquet.
+OBSERVATION = (
+    text_of("group", "group", lambda row: group_words(row["group"])),
+    text_of("image", "image", lambda row: _name(row["image"])),
+    text_of("point", "point", lambda row: _name(row["point"])),
+    text_of("component", "component"),
+)
+#: Its residual, σ and their unit.
+RESIDUAL = (
+    number_of("residual", "v", decimals=_digits, plus=True),
+    number_of("sigma", "σ a priori", decimals=_digits),
+    text_of("unit", "unit", lambda row: unit_words(row["unit"])),
+)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeAlias
 
+from tasks.document_kit.row_table import number_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 from tasks.quantities import quantity_words
 from tasks.results.calibration_figures import (
@@ -61,21 +62,24 @@ def two_step_tables(cameras: Sequence[TwoStepFigure]) -> tuple[Table, ...]:
 
 
 def _mountings(cameras: Sequence[TwoStepFigure]) -> Table:
-    columns = (
-        text_column("camera", "camera"),
-        text_column("mounting", "mounting"),
-        Column("images", "images"),
-        text_column("strips", "strips"),
-    )
-    rows = tuple(
-        Row(
-            f"{camera.camera}@mounting {item.mounting}",
-            (camera.camera, str(item.mounting), Number(item.images), ", ".join(item.strips)),
-        )
+    rows = [
+        {
+            "camera": camera.camera,
+            "mounting": item.mounting,
+            "images": item.images,
+            "strips": ", ".join(item.strips),
+        }
         for camera in cameras
         for item in camera.mountings
+    ]
+    shown = (
+        text_of("camera", "camera"),
+        text_of("mounting", "mounting"),
+        number_of("images", "images"),
+        text_of("strips", "strips"),
     )
-    return Table("two-step-mountings", "Mountings and their strips", columns, rows)
+    caption = "Mountings and their strips"
+    return table_of("two-step-mountings", caption, shown, rows, "{camera}@mounting {mounting}")
 
 
 def _means(
@@ -145,30 +149,15 @@ def _test_row(camera: str, test: OffsetTestFigure) -> Row:
 
 def parameter_table(parameters: Sequence[TwoStepParameterFigure]) -> Table:
     """What a two-step calibration by itself determines."""
-    columns = (
-        text_column("parameter", "parameter"),
-        text_column("camera", "of"),
-        Column("value", "value"),
-        Column("sigma", "σ"),
-        Column("limit", "limit of σ"),
-        text_column("unit", "unit"),
-        text_column("verdict", "verdict"),
-        text_column("because", "because"),
+    shown = (
+        text_of("parameter", "parameter", lambda item: quantity_words(item.parameter)),
+        text_of("camera", "of"),
+        number_of("value", "value", decimals="sigma", plus=True),
+        number_of("sigma", "σ", decimals="sigma"),
+        number_of("limit", "limit of σ", decimals="limit"),
+        text_of("unit", "unit"),
+        text_of("verdict", "verdict", lambda item: _VERDICTS.get(item.verdict, item.verdict)),
+        text_of("because", "because"),
     )
-    rows = tuple(
-        Row(
-            f"{item.parameter}@{item.camera}",
-            (
-                quantity_words(item.parameter),
-                item.camera,
-                *numbers((item.value,), decimals_for(item.sigma), plus=True),
-                *numbers((item.sigma,), decimals_for(item.sigma)),
-                *numbers((item.limit,), decimals_for(item.limit)),
-                item.unit,
-                _VERDICTS.get(item.verdict, item.verdict),
-                item.because,
-            ),
-        )
-        for item in parameters
-    )
-    return Table("two-step-parameters", "Parameters determined by the second step", columns, rows)
+    caption = "Parameters determined by the second step"
+    return table_of("two-step-parameters", caption, shown, parameters, "{parameter}@{camera}")

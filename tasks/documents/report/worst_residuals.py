@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
-from typing import Any
-
 import numpy as np
 import pandas as pd
 
-from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, numbers, text_column
+from tasks.document_kit.row_table import Shown, number_of, omitted, table_of, text_of
+from tasks.document_kit.table import Table
 from tasks.documents.report.material import IMAGE_POINTS, Material
-from tasks.documents.report.suspicious import observation, observation_columns, observation_key
-from tasks.quantities import unit_words
+from tasks.documents.report.suspicious import OBSERVATION, RESIDUAL, observation_key
 
 #: Rows of each group.
 MOST_OF_GROUP = 8
@@ -35,35 +32,17 @@ def worst_table(material: Material) -> Table:
         for place in own.dropna().nlargest(MOST_OF_GROUP).index
     ]
     chosen = table.loc[places].assign(strip=lambda rows: material.strips_of(rows["image"]))
-    columns = (
-        *observation_columns(),
-        text_column("strip", "strip"),
-        Column("residual", "v"),
-        Column("sigma", "σ a priori"),
-        text_column("unit", "unit"),
-        Column("standardized", "w"),
+    shown = (
+        *OBSERVATION,
+        text_of("strip", "strip"),
+        *RESIDUAL,
+        number_of("standardized", "w", decimals=2, plus=True),
     )
-    rows = tuple(_worst_row(row) for row in chosen.to_dict("records"))
     note = (
-        f"The {MOST_OF_GROUP} largest of each groupamong the observations not rejected; all in "
+        f"The {MOST_OF_GROUP} largest of each group among the observations not rejected; all in "
         "residuals.parquet. w = v / σ of v, for an a-priori σ0 of 1."
     )
-    return Table("worst-residuals", "Worst residuals by group", columns, rows, note)
-
-
-def _worst_row(row: Mapping[Hashable, Any]) -> Row:
-    sigma = float(row["sigma"])
-    return Row(
-        observation_key(row),
-        (
-            *observation(row),
-            str(row["strip"]),
-            Number(float(row["residual"]), decimals_for(sigma, 3), plus=True),
-            Number(sigma, decimals_for(sigma, 3)),
-            unit_words(str(row["unit"])),
-            Number(float(row["standardized"]), 2, plus=True),
-        ),
-    )
+    return table_of("worst-residuals", "Worst residuals by group", shown, chosen, observation_key, note)
 
 
 def residuals_by_image(material: Material) -> pd.DataFrame:
@@ -107,34 +86,16 @@ def residuals_by_image(material: Material) -> pd.DataFrame:
 
 def image_table(by_image: pd.DataFrame) -> Table:
     """The residuals of each image."""
-    columns = (
-        text_column("image", "image"),
-        text_column("strip", "strip"),
-        Column("points", "image points"),
-        Column("rejected", "rejected"),
-        Column("rms_x_um", "RMS x", "µm"),
-        Column("rms_y_um", "RMS y", "µm"),
-        Column("largest_w", "largest |w|"),
-        *_direct_columns("{}", "v {} {}"),
-        text_column("left_out", "GNSS, INS rejected"),
+    shown = (
+        text_of("image", "image"),
+        text_of("strip", "strip"),
+        *_OF_RAYS,
+        *_direct("{}", "v {} {}", plus=True),
+        text_of("left_out", "GNSS, INS rejected"),
     )
     listed = by_image.head(MOST_LISTED)
-    shown = [
-        *((name, 0, False) for name in ("points", "rejected")),
-        *((name, 2, False) for name in ("rms_x_um", "rms_y_um", "largest_w")),
-        *((name, decimals, True) for name, _, _, _, decimals in _direct_names()),
-    ]
-    rows = tuple(
-        Row(image, (image, strip, *values, left_out))
-        for image, strip, left_out, *values in zip(
-            *(listed[name].tolist() for name in ("image", "strip", "left_out")),
-            *(numbers(listed[name].tolist(), decimals, plus=plus) for name, decimals, plus in shown),
-            strict=True,
-        )
-    )
-    return Table(
-        "image-list", "Residuals by image", columns, rows, listed_note(by_image, "residuals.parquet")
-    )
+    note = omitted(listed, by_image, "residuals.parquet")
+    return table_of("image-list", "Residuals by image", shown, listed, "{image}", note)
 
 
 def strip_tables(by_image: pd.DataFrame) -> tuple[Table, Table]:
@@ -144,71 +105,38 @@ def strip_tables(by_image: pd.DataFrame) -> tuple[Table, Table]:
         square_y=by_image["rms_y_um"] ** 2 * by_image["points"],
     ).groupby("strip", sort=True)
     sums = strips[["points", "rejected", "square_x", "square_y"]].sum()
-    points = sums["points"].to_numpy(np.float64)
-    rms = np.sqrt(
-        sums[["square_x", "square_y"]].to_numpy(np.float64) / np.where(points, points, np.nan)[:, None]
-    )
-    images, largest = strips.size(), strips["largest_w"].max()
-    of_rays = tuple(
-        Row(
-            str(name),
-            (
-                str(name),
-                Number(float(images[name])),
-                Number(float(points[k])),
-                Number(float(sums["rejected"].iloc[k])),
-                *(Number(float(value), 2) for value in (*rms[k], largest[name])),
-            ),
-        )
-        for k, name in enumerate(sums.index)
-    )
-    columns = (
-        text_column("strip", "strip"),
-        Column("images", "images"),
-        Column("points", "image points"),
-        Column("rejected", "rejected"),
-        Column("rms_x_um", "RMS x", "µm"),
-        Column("rms_y_um", "RMS y", "µm"),
-        Column("largest_w", "largest |w|"),
-    )
-    image_points = Table("strip-list", "Residuals of image points by strip", columns, of_rays)
+    points = sums["points"].where(sums["points"] > 0)
+    table = sums.assign(
+        images=strips.size(),
+        rms_x_um=np.sqrt(sums["square_x"] / points),
+        rms_y_um=np.sqrt(sums["square_y"] / points),
+        largest_w=strips["largest_w"].max(),
+    ).reset_index()
+    shown = (text_of("strip", "strip"), number_of("images", "images"), *_OF_RAYS)
+    image_points = table_of("strip-list", "Residuals of image points by strip", shown, table, "{strip}")
     return image_points, _strip_directs(by_image)
 
 
 def _strip_directs(by_image: pd.DataFrame) -> Table:
     names = [name for name, *_ in _direct_names()]
     grouped = by_image.groupby("strip", sort=True)[names]
-    mean, number = grouped.mean(), grouped.count()
     square = (by_image[names] ** 2).groupby(by_image["strip"], sort=True).mean()
-    rows = tuple(
-        Row(
-            str(strip),
-            (
-                str(strip),
-                Number(float(number.loc[strip].max())),
-                *_direct_numbers(mean.loc[strip].to_dict()),
-                *_direct_numbers(np.sqrt(square.loc[strip]).to_dict(), plus=False),
-            ),
-        )
-        for strip in mean.index
-        if number.loc[strip].max() > 0
-    )
-    columns = (
-        text_column("strip", "strip"),
-        Column("images", "images"),
-        *_direct_columns("mean_{}", "mean {} {}"),
-        *_direct_columns("rms_{}", "RMS {} {}"),
+    table = grouped.mean().add_prefix("mean_").join((square**0.5).add_prefix("rms_"))
+    table["images"] = grouped.count().max(axis=1)
+    shown = (
+        text_of("strip", "strip"),
+        number_of("images", "images"),
+        *_direct("mean_{}", "mean {} {}", plus=True),
+        *_direct("rms_{}", "RMS {} {}"),
     )
     note = (
         "Adjusted − observed, for all observations, including rejected ones. A mean far from zero indicates "
         "a shift of the strip."
     )
-    return Table("strip-direct-list", "Residuals of GNSS and INS by strip", columns, rows, note)
-
-
-def listed_note(table: pd.DataFrame, file: str) -> str:
-    """A note on what a list with a row for each image omits."""
-    return "" if len(table) <= MOST_LISTED else f"The first {MOST_LISTED:,} of {len(table):,}; all in {file}."
+    observed = table[table["images"] > 0].reset_index()
+    return table_of(
+        "strip-direct-list", "Residuals of GNSS and INS by strip", shown, observed, "{strip}", note
+    )
 
 
 def _direct_names() -> list[tuple[str, str, str, str, int]]:
@@ -220,12 +148,18 @@ def _direct_names() -> list[tuple[str, str, str, str, int]]:
     ]
 
 
-def _direct_columns(pattern: str, heading: str) -> tuple[Column, ...]:
+def _direct(pattern: str, heading: str, *, plus: bool = False) -> tuple[Shown, ...]:
+    """Columns of what GNSS and INS say of each image; the patterns take the column, and its words."""
     return tuple(
-        Column(pattern.format(column), heading.format(words, name), unit)
-        for column, words, name, unit, _ in _direct_names()
+        number_of(pattern.format(column), heading.format(words, name), unit, decimals, plus=plus)
+        for column, words, name, unit, decimals in _direct_names()
     )
 
 
-def _direct_numbers(row: Mapping[Hashable, Any], *, plus: bool = True) -> tuple[Number, ...]:
-    return tuple(Number(float(row[column]), decimals, plus) for column, _, _, _, decimals in _direct_names())
+_OF_RAYS = (
+    number_of("points", "image points"),
+    number_of("rejected", "rejected"),
+    number_of("rms_x_um", "RMS x", "µm", 2),
+    number_of("rms_y_um", "RMS y", "µm", 2),
+    number_of("largest_w", "largest |w|", decimals=2),
+)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from tasks.document_kit.row_table import table_of, text_of
 from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
 from tasks.document_kit.templates import templates
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
@@ -72,26 +73,20 @@ def _reference(series: ParameterSeries) -> str:
 
 
 def _calibrations(items: Sequence[StoredCalibration]) -> Table:
-    names = (
-        ("id", "calibration"), ("flown", "flown"), ("mounting", "mounting"), ("state", "state"),
-        ("validity", "flights of"), ("by", "by"), ("digest", "verification code"),
-    )  # fmt: skip
-    rows = tuple(
-        Row(
-            str(item.id),
-            (
-                str(item.id),
-                str(item.flown or "–"),
-                item.camera.mounting,
-                item.state + (", refused by the acceptance test" if item.record.verdict == "refused" else ""),
-                str(item.validity or "–"),
-                (item.approval or item.events[0]).person,
-                item.sealed.digest[:12],
-            ),
-        )
-        for item in items
+    shown = (
+        text_of("id", "calibration"),
+        text_of("flown", "flown", lambda item: item.flown or "–"),
+        text_of("mounting", "mounting", lambda item: item.camera.mounting),
+        text_of("state", "state", _state),
+        text_of("validity", "flights of", lambda item: item.validity or "–"),
+        text_of("by", "by", lambda item: (item.approval or item.events[0]).person),
+        text_of("digest", "verification code", lambda item: item.sealed.digest[:12]),
     )
-    return Table("calibrations", "Calibrations", tuple(text_column(*name) for name in names), rows)
+    return table_of("calibrations", "Calibrations", shown, items, lambda item: str(item.id))
+
+
+def _state(item: StoredCalibration) -> str:
+    return item.state + (", refused by the acceptance test" if item.record.verdict == "refused" else "")
 
 
 def _values(series: Sequence[ParameterSeries]) -> Table:
