@@ -306,15 +306,7 @@ def named(name: str, entity: str) -> str:
     return f"{name} of {entity}"
 
 
-_GROUPS = {
-    "image_points": "image points",
-    "control_points": "control points",
-    "gnss_positions": "GNSS positions",
-    "ins_attitudes": "INS attitudes",
-}
-
-
 def group_words(name: str) -> str:
     """The name of an observation group in words."""
-    plain = _GROUPS.get(name) or name.replace("_", " ").replace("gnss", "GNSS").replace("ins ", "INS ")
-    return plain.replace("prior:", "priors: ")
+    plain = name.replace("_", " ").replace("prior:", "priors: ")
+    return plain.replace("gnss", "GNSS").replace("ins ", "INS ")

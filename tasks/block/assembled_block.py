@@ -7,25 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.block import Block
-from adjust.observations.base import ObservationGroup
+from adjust.observations.image_point import ImagePoints
 from adjust.quality.observation_parts import Division
 from adjust.solve.system import Observations
 from tasks.block.approximation import USED
-from tasks.block.block_input import (
-    SurveyedPoints,
-    block_of,
-    distance_observations,
-    gnss_positions,
-    image_point_observations,
-    ins_attitudes,
-    priors,
-    surveyed_points,
-)
-from tasks.block.block_input import (
-    control_points as control_observations,
-)
+from tasks.block.block_input import SurveyedPoints, block_of, image_point_observations, surveyed_points
 from tasks.block.exposure_events import exposure_events
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.known_calibrations import (
@@ -34,6 +22,7 @@ from tasks.block.known_calibrations import (
     with_joint_priors,
     with_known_calibrations,
 )
+from tasks.block.observation_types import Observed
 from tasks.block.oriented_images import oriented_images
 from tasks.block.own_observations import ObservedBlock, own_observations
 from tasks.block.refracted_rays import without_refraction
@@ -114,12 +103,12 @@ def assembled_block(
     block = block_of(frame, given, names, x_in_local, settings, calibration, begin, rig)
     known = known_calibrations(block, delivered.cameras)
     block = with_known_calibrations(block, known)
-    observations, rows = _observations(block, of_events, surveyed, measured, settings, calibration)
-    others = (*observations.others, *distance_observations(block, delivered.distances))
+    rays, rows = _image_points(block, measured, settings, calibration)
+    others = Observed(block, of_events, surveyed, delivered.distances, settings, calibration).groups()
     observed = ObservedBlock(block, lambda place: local_from_map(map_frame, frame, place))
-    taken = [group.name for group in (observations.image_points, *others)]
+    taken = [group.name for group in (rays, *others)]
     others += own_observations(observed, settings.own_observations, taken)
-    observations = replace(observations, others=with_joint_priors(block, others, known))
+    observations = Observations(rays, with_joint_priors(block, others, known))
     rays, fields = with_given_corrections(observations.image_points, block, settings.residual_grid)
     never_used = np.ones(len(measured), dtype=bool)
     never_used[rows] = False
@@ -138,15 +127,13 @@ def assembled_block(
     )
 
 
-def _observations(
+def _image_points(
     block: Block,
-    events: GivenOrientations,
-    surveyed: SurveyedPoints,
     measured: pd.DataFrame,
     settings: AdjustmentSettings,
     calibration: BlockSelfCalibration | None,
-) -> tuple[Observations, np.ndarray]:
-    """All observation groups of the block, and the rows of the image point table that are in it."""
+) -> tuple[ImagePoints, Ints]:
+    """The image points of the block, and their rows in the table."""
     rays, rows = image_point_observations(
         measured,
         block.images,
@@ -155,16 +142,4 @@ def _observations(
         calibration,
         None if block.rig is None else block.rig.event_of_image,
     )
-    if settings.refraction == "standard":
-        rays = without_refraction(rays, block)
-    others: list[ObservationGroup] = []
-    control = control_observations(block, surveyed)
-    if "control" in settings.observe and control is not None:
-        others.append(control)
-    if "gnss" in settings.observe and events.position_observed.any():
-        others.append(gnss_positions(block, events, settings))
-    if "ins" in settings.observe and events.attitude_observed.any():
-        others.append(ins_attitudes(events, settings))
-    others += priors(block, settings)
-    prior = None if calibration is None else calibration.prior(settings.self_calibration.sigma_um)
-    return Observations(rays, tuple(others if prior is None else [*others, prior])), rows
+    return (without_refraction(rays, block) if settings.refraction == "standard" else rays), rows

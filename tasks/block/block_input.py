@@ -1,4 +1,4 @@
-"""From tables to a block: the only place, with ``result_tables``, that knows both.
+"""From tables to a block and its image points; other observations: `tasks.block.observation_types`.
 
 Text keys become indices here; degrees, millimetres and map coordinates become radians, metres and
 the local frame.
@@ -13,13 +13,7 @@ import pandas as pd
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
-from adjust.observations.base import StochasticModel
-from adjust.observations.control_point import ControlPoints
-from adjust.observations.direct import DirectObservations
-from adjust.observations.distance import Distances
-from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
-from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
     BORESIGHT,
     FAMILIES,
@@ -32,13 +26,11 @@ from adjust.parameters import (
 from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, Rig
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.self_calibration import BlockSelfCalibration
-from tasks.block.shared_readings import heads_of_reading
-from tasks.block.strip_motion import over_time, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.errors import InputError
-from tasks.quantities import KINDS, reported_unit
-from tasks.settings.adjustment import AdjustmentSettings, Priors
+from tasks.quantities import KINDS
+from tasks.settings.adjustment import AdjustmentSettings
 from tasks.tables.places import places_of
 
 
@@ -265,103 +257,3 @@ def block_of(
         object_point,
         rig=rig,
     )
-
-
-def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentSettings) -> GnssPositions:
-    """GNSS positions of the images or events that have one, along grid axes; heads share a reading."""
-    observed = np.flatnonzero(given.position_observed)
-    sigma = given.position_sigma * np.sqrt(heads_of_reading(given))[:, None]
-    model = StochasticModel.from_sigma(sigma[observed])
-    return GnssPositions(
-        observed.astype(np.int64),
-        given.camera[observed],
-        block.flight_of_event[observed],
-        given.observed[observed],
-        given.local_from_grid[observed],
-        given.body_from_camera[observed],
-        over_time(model, given, observed, settings.gnss_correlation_s),
-        strip_motion(given).of(observed),
-    )
-
-
-def ins_attitudes(given: GivenOrientations, settings: AdjustmentSettings) -> InsAttitudes:
-    """INS attitudes of the images or events that have one, weighted in body axes; heads share a reading."""
-    observed = np.flatnonzero(given.attitude_observed)
-    covariance = given.attitude_covariance() * heads_of_reading(given)[:, None, None]
-    model = StochasticModel.from_covariance(covariance[observed], np.ones((len(observed), 3), dtype=bool))
-    return InsAttitudes(
-        observed.astype(np.int64),
-        given.camera[observed],
-        given.local_from_body()[observed],
-        given.body_from_camera[observed],
-        over_time(model, given, observed, settings.ins_correlation_s),
-        _body_rates(given, observed),
-        strip_motion(given).of(observed),
-    )
-
-
-def _body_rates(given: GivenOrientations, rows: Ints) -> BodyRates | None:
-    """Rates of some images (k,); None where none was delivered."""
-    rate = given.rates[rows]
-    if not np.isfinite(rate).any():
-        return None
-    return BodyRates(given.flight_of_image[rows], np.nan_to_num(rate))
-
-
-def control_points(block: Block, surveyed: SurveyedPoints) -> ControlPoints | None:
-    """Control points that are object points of the block; None if there is none."""
-    index = places_of(surveyed.name, block.points)
-    kept = np.flatnonzero((index >= 0) & ~surveyed.is_check & surveyed.present.any(axis=1))
-    if len(kept) == 0:
-        return None
-    return ControlPoints(
-        index[kept],
-        surveyed.x_in_local[kept],
-        surveyed.height[kept],
-        block.frame,
-        StochasticModel.from_covariance(surveyed.covariance[kept], surveyed.present[kept]),
-    )
-
-
-def distance_observations(block: Block, table: pd.DataFrame) -> tuple[Distances, ...]:
-    """Distances between object points of the block; those of the role check are not used. None: nothing."""
-    ends = np.stack([places_of(table[name], block.points) for name in ("point", "other_point")])
-    kept = np.flatnonzero((ends >= 0).all(axis=0))
-    if len(kept) == 0:
-        return ()
-    own = table.iloc[kept]
-    model = StochasticModel.from_sigma(own[["sigma_m"]].to_numpy(np.float64))
-    check = (own["role"] == "check").to_numpy()
-    point, other = ends[:, kept]
-    return (Distances(point, other, own["distance_m"].to_numpy(np.float64), model.without(check)),)
-
-
-def prior_sigmas(given: Priors) -> dict[str, Floats]:
-    """Standard deviations (components,) of the given values of every family, SI and radians; NaN for none."""
-    sigmas = {name: np.full(len(family.components), np.nan) for name, family in FAMILIES.items()}
-    for kind in KINDS.values():
-        own = getattr(given, kind.key(kind.unit), None)
-        if own is not None:
-            factor = reported_unit(FAMILIES[kind.family])[1]
-            sigmas[kind.family][list(kind.components)] = np.array(own) / factor
-    return sigmas
-
-
-def priors(block: Block, settings: AdjustmentSettings) -> tuple[DirectObservations, ...]:
-    """Direct observations of the free parameters whose given value has a standard deviation."""
-    sigmas = prior_sigmas(settings.priors)
-    groups = []
-    for parameters in block.system:
-        if parameters.family.name not in sigmas:
-            continue
-        sigma = np.where(parameters.free, sigmas[parameters.family.name], np.nan)
-        if np.isfinite(sigma).any():
-            groups.append(
-                DirectObservations(
-                    parameters.family,
-                    np.arange(len(parameters.entities), dtype=np.int64),
-                    parameters.values,
-                    StochasticModel.from_sigma(sigma),
-                )
-            )
-    return tuple(groups)

@@ -14,14 +14,9 @@ from adjust.georeferencing.direct_orientation import DirectOrientations, direct_
 from adjust.georeferencing.error_sources import CalibrationErrors, ErrorSources
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import TIME_OFFSET
-from tasks.block.block_input import (
-    block_of,
-    gnss_positions,
-    image_point_observations,
-    ins_attitudes,
-    surveyed_points,
-)
+from tasks.block.block_input import block_of, image_point_observations, surveyed_points
 from tasks.block.given_orientations import GivenOrientations, Mountings
+from tasks.block.observation_types import gnss_positions, ins_attitudes
 from tasks.block.oriented_images import oriented_images
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import with_given_corrections

@@ -9,7 +9,7 @@ import numpy as np
 from adjust.camera.additional.selection import NOTHING
 from adjust.planning.a_priori import CalibrationModel, PlannedAdditional
 from adjust.planning.network import PlannedNetwork
-from tasks.block.block_input import prior_sigmas
+from tasks.block.observation_types import prior_sigmas
 from tasks.block.self_calibration import CalibratedImages, additional_parameters_of, self_calibration_of
 from tasks.quantities import KINDS
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
