@@ -16,6 +16,7 @@ if sys.platform == "win32":
     sys.exit("aerocal needs file locks and signals of Linux. On Windows, run it in WSL 2 or in a container.")
 
 from flows.command.interruption import end_on_signals
+from flows.runs.freed_memory import keep_freed_memory
 
 
 def main() -> None:
@@ -26,6 +27,7 @@ def main() -> None:
 def _command_line() -> None:
     # Libraries make hundreds of thousands of objects when they are loaded, and all of them stay.
     gc.set_threshold(50_000)
+    keep_freed_memory()
     from flows.command.main import app
 
     app()

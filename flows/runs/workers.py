@@ -18,6 +18,7 @@ from contextlib import AbstractContextManager, contextmanager
 from multiprocessing import connection
 from pathlib import Path
 
+from flows.runs.freed_memory import keep_freed_memory
 from tasks.files.installation import InstallationError
 
 #: How many threads an adjustment may use; read by `adjust.options`.
@@ -69,6 +70,7 @@ def processes(workers: int | None) -> Iterator[Executor | None]:
 def _begin() -> None:
     """Prepare a worker: one thread, ignores the interrupt key, ends with the process it works for."""
     os.environ[THREADS_VARIABLE] = "1"
+    keep_freed_memory()
     # The key reaches the whole group; the process that holds the workers decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -15,6 +15,7 @@ import re
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
+from flows.runs.freed_memory import keep_freed_memory
 from flows.runs.run_state import STATE_NAMES
 from tasks.plain_text import visible
 
@@ -32,6 +33,7 @@ def main() -> None:
     run_id = UUID(os.environ["PREFECT__FLOW_RUN_ID"])
     # Loads Prefect: hundreds of thousands of objects, and all of them stay.
     gc.set_threshold(50_000)
+    keep_freed_memory()
     from flows.serving.deployed import FLOWS  # isort: skip
     from prefect._internal.control_listener import configure_from_env
     from prefect.client.orchestration import get_client

@@ -50,7 +50,6 @@ from tasks.evaluation.self_calibration_tables import (
 from tasks.evaluation.single_errors import single_errors
 from tasks.evaluation.strip_error_table import write_strip_errors
 from tasks.evaluation.surveyed_differences import write_control_residuals
-from tasks.evaluation.trust_map import write_trust_map
 from tasks.evaluation.variance_figures import with_estimated_sigmas
 from tasks.files.json_text import JSON
 from tasks.first_run import announce_compilation
@@ -203,6 +202,9 @@ def _with_trust_map(
     trust_map: TrustMapSettings,
 ) -> Notes:
     """Write the cells of the trust map; returns the notes with its grid."""
+    # Loads the simulator's visibility and what that needs.
+    from tasks.evaluation.trust_map import write_trust_map
+
     grid = write_trust_map(folder, adjusted, trust_map)
     return replace(
         notes, figures={**notes.figures, "trust_map_grid": None if grid is None else grid.to_json()}
