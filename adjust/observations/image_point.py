@@ -133,7 +133,9 @@ class ImagePoints:
     @cached_property
     def stochastic(self) -> StochasticModel:
         """The weights in the general form (the kernels use ``inverse_sigma``)."""
-        return StochasticModel.from_sigma(self.sigma).without(~self.active)
+        whitener = np.zeros((len(self.image), 2, 2))
+        whitener[:, 0, 0], whitener[:, 1, 1] = self.inverse_sigma[:, 0], self.inverse_sigma[:, 1]
+        return StochasticModel(whitener, np.repeat(self.active[:, None], 2, axis=1), self.sigma)
 
     def ideal(
         self, state: State, components: Ints, with_slope: bool, first: int = 0, last: int | None = None

@@ -68,20 +68,15 @@ class Covisibility:
 
 def point_starts(point: Ints, points: int) -> Ints:
     """(points + 1,) where the rays of each object point begin in a list sorted by point."""
-    return np.searchsorted(point, np.arange(points + 1)).astype(np.int64)
+    start = np.zeros(points + 1, dtype=np.int64)
+    np.cumsum(np.bincount(point, minlength=points), out=start[1:])
+    return start
 
 
 def covisibility(image_points: ImagePoints, events: int, points: int) -> Covisibility:
     """The pattern of a set of image points; rejected ones count, so that it serves every pass."""
-    event = image_points.event
-    by_event = np.argsort(event, kind="stable")
-    event_start = np.searchsorted(event[by_event], np.arange(events + 1)).astype(np.int64)
     row_start, unsorted = covisibility_kernel.upper_pattern(
-        event_start,
-        image_points.point[by_event],
-        point_starts(image_points.point, points),
-        event,
-        events,
+        image_points.event, image_points.point, point_starts(image_points.point, points), events
     )
     row = np.repeat(np.arange(events), np.diff(row_start))
     return Covisibility(row_start, np.sort(row * events + unsorted) % events)

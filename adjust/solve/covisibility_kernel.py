@@ -5,36 +5,52 @@ import numpy as np
 from adjust.compiled import kernel, small_kernel
 
 
+@small_kernel
+def rays_by_event(event, events):
+    """Where the rays of every event begin (events + 1,), and the rays (n,) event by event, ascending."""
+    start = np.zeros(events + 1, np.int64)
+    for i in range(event.shape[0]):
+        start[event[i] + 1] += 1
+    for e in range(events):
+        start[e + 1] += start[e]
+    place = start.copy()
+    rays = np.empty(event.shape[0], np.int64)
+    for i in range(event.shape[0]):
+        rays[place[event[i]]] = i
+        place[event[i]] += 1
+    return start, rays
+
+
 @kernel
-def upper_pattern(event_start, point_of_ray, point_start, event_of_ray, events):
+def upper_pattern(event, point, point_start, events):
     """Rows of the upper block triangle, diagonal included: row_start (events + 1), column (blocks).
 
-    event_start / point_of_ray list the points of every event, point_start / event_of_ray the events
-    of every point. The diagonal comes first in every row, the others as they are met.
+    event (n,) and point (n,) belong to the rays, sorted by point; those of every point begin at point_start.
+    The diagonal comes first in every row, the others as they are met.
     """
+    event_start, rays = rays_by_event(event, events)
     mark = np.full(events, -1, np.int64)
     row_start = np.zeros(events + 1, np.int64)
-    for fill in range(2):
-        column = np.empty(row_start[events] if fill == 1 else 0, np.int64)
-        total = 0
-        for i in range(events):
-            stamp = i + fill * events
-            mark[i] = stamp
-            if fill == 1:
-                column[total] = i
-            total += 1
-            for k in range(event_start[i], event_start[i + 1]):
-                j = point_of_ray[k]
-                for q in range(point_start[j], point_start[j + 1]):
-                    other = event_of_ray[q]
-                    if other > i and mark[other] != stamp:
-                        mark[other] = stamp
-                        if fill == 1:
-                            column[total] = other
-                        total += 1
-            if fill == 0:
-                row_start[i + 1] = total
-    return row_start, column
+    column = np.empty(16 * events, np.int64)
+    total = 0
+    for i in range(events):
+        if total + events > column.shape[0]:
+            longer = np.empty(2 * column.shape[0], np.int64)
+            longer[:total] = column[:total]
+            column = longer
+        mark[i] = i
+        column[total] = i
+        total += 1
+        for k in range(event_start[i], event_start[i + 1]):
+            j = point[rays[k]]
+            for q in range(point_start[j], point_start[j + 1]):
+                other = event[q]
+                if other > i and mark[other] != i:
+                    mark[other] = i
+                    column[total] = other
+                    total += 1
+        row_start[i + 1] = total
+    return row_start, column[:total].copy()
 
 
 @small_kernel

@@ -53,6 +53,35 @@ class Dissection:
     rank: Ints
 
 
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """Which images see common points with an image, itself apart; ascending.
+
+    Attributes
+    ----------
+    start : (n + 1,) where those of each image begin.
+    image : all of them, image by image.
+    """
+
+    start: Ints
+    image: Ints
+
+    @classmethod
+    def of(cls, pattern: Covisibility) -> Neighbours:
+        """Of every pair of a pattern, both ways."""
+        off, n = pattern.column != pattern.row, pattern.events
+        row, column = pattern.row[off], pattern.column[off]
+        row, column = np.divmod(np.sort(np.concatenate([row * n + column, column * n + row])), n)
+        return cls(np.searchsorted(row, np.arange(n + 1)).astype(np.int64), column)
+
+    def pairs(self, images: Ints) -> tuple[Ints, Ints]:
+        """Place among the images (k,) and neighbour, pair by pair, in the order of the images."""
+        count = self.start[images + 1] - self.start[images]
+        place = np.repeat(np.arange(len(images)), count)
+        before = np.cumsum(count) - count
+        return place, self.image[np.arange(len(place)) + (self.start[images] - before)[place]]
+
+
 def dissect(pattern: Covisibility, position: Floats, largest_part: int = LARGEST_PART) -> Dissection:
     """Dissect the exposures of a block.
 
@@ -62,7 +91,7 @@ def dissect(pattern: Covisibility, position: Floats, largest_part: int = LARGEST
     position : (n, 3) approximate projection centres, metres; they only steer the cuts.
     largest_part : number of images below which a part is not cut any more.
     """
-    neighbours = _graph(pattern)
+    neighbours = Neighbours.of(pattern)
     owns: list[Ints] = []
     parents: list[int] = []
     _split(np.arange(pattern.events), neighbours, position[:, :2], largest_part, owns, parents)
@@ -71,18 +100,9 @@ def dissect(pattern: Covisibility, position: Floats, largest_part: int = LARGEST
     return Dissection(_with_boundaries(owns, parents, neighbours, rank), rank)
 
 
-def _graph(pattern: Covisibility) -> scipy.sparse.csr_array:
-    """Symmetric adjacency matrix of the images, without the diagonal."""
-    off = pattern.column != pattern.row
-    row, column = pattern.row[off], pattern.column[off]
-    ones = np.ones(2 * len(row), dtype=np.int8)
-    both = (np.concatenate([row, column]), np.concatenate([column, row]))
-    return scipy.sparse.csr_array((ones, both), shape=(pattern.events, pattern.events))
-
-
 def _split(
     images: Ints,
-    neighbours: scipy.sparse.csr_array,
+    neighbours: Neighbours,
     position: Floats,
     largest_part: int,
     owns: list[Ints],
@@ -107,9 +127,7 @@ def _split(
     return len(owns) - 1
 
 
-def _bisect(
-    images: Ints, neighbours: scipy.sparse.csr_array, position: Floats
-) -> tuple[Ints, Ints, Ints] | None:
+def _bisect(images: Ints, neighbours: Neighbours, position: Floats) -> tuple[Ints, Ints, Ints] | None:
     """Two halves and the smaller of the separators across either principal axis; None if it saves nothing."""
     centred = position[images] - position[images].mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
@@ -125,7 +143,7 @@ def _bisect(
     return best if len(best[2]) < len(images) // 2 else None
 
 
-def _separator(images: Ints, first: Bools, neighbours: scipy.sparse.csr_array) -> Bools:
+def _separator(images: Ints, first: Bools, neighbours: Neighbours) -> Bools:
     """Smallest set of images (k,) that meets every pair across the cut.
 
     The pairs form a bipartite graph; its smallest vertex cover follows from a largest matching (König
@@ -133,17 +151,23 @@ def _separator(images: Ints, first: Bools, neighbours: scipy.sparse.csr_array) -
     that side, and what they do reach on the other.
     """
     left, right = np.flatnonzero(first), np.flatnonzero(~first)
-    across = neighbours[images[left]][:, images[right]].tocsr()
-    matched_left = maximum_bipartite_matching(across, perm_type="row")  # of each right image
+    place = np.full(len(neighbours.start), -1, dtype=np.int64)
+    place[images[right]] = np.arange(len(right))
+    row, image = neighbours.pairs(images[left])
+    across = place[image] >= 0
+    row, column = row[across], place[image[across]]
+    crosses = np.zeros(len(left), dtype=bool)
+    crosses[row] = True
+    matched_left = _matching(row, column, len(left), len(right))
     matched_right = np.full(len(left), -1, dtype=np.int64)
     has = np.flatnonzero(matched_left >= 0)
     matched_right[matched_left[has]] = has
-    reached_left = (matched_right < 0) & (np.diff(across.indptr) > 0)
+    reached_left = (matched_right < 0) & crosses
     reached_right = np.zeros(len(right), dtype=bool)
     fresh = reached_left.copy()
     while fresh.any():
         touched = np.zeros(len(right), dtype=bool)
-        touched[across[np.flatnonzero(fresh)].indices] = True
+        touched[column[fresh[row]]] = True
         touched &= ~reached_right
         reached_right |= touched
         partners = matched_left[touched]
@@ -152,13 +176,21 @@ def _separator(images: Ints, first: Bools, neighbours: scipy.sparse.csr_array) -
         fresh &= ~reached_left
         reached_left |= fresh
     separator = np.zeros(len(images), dtype=bool)
-    separator[left[~reached_left & (np.diff(across.indptr) > 0)]] = True
+    separator[left[~reached_left & crosses]] = True
     separator[right[reached_right]] = True
     return separator
 
 
+def _matching(row: Ints, column: Ints, rows: int, columns: int) -> Ints:
+    """Row (columns,) that a largest matching gives to each column, −1 for none; pairs (k,) by row."""
+    start = np.searchsorted(row, np.arange(rows + 1)).astype(np.int32)
+    graph = (np.ones(len(row), dtype=np.int8), column.astype(np.int32), start)
+    pairs = scipy.sparse.csr_array(graph, shape=(rows, columns))
+    return np.asarray(maximum_bipartite_matching(pairs, perm_type="row"), dtype=np.int64)
+
+
 def _with_boundaries(
-    owns: list[Ints], parents: list[int], neighbours: scipy.sparse.csr_array, rank: Ints
+    owns: list[Ints], parents: list[int], neighbours: Neighbours, rank: Ints
 ) -> tuple[Part, ...]:
     """Parts with the images of later parts that they touch, directly or through their children."""
     parts: list[Part] = []
@@ -167,7 +199,7 @@ def _with_boundaries(
     eliminated = 0
     image_of_rank = np.argsort(rank)
     for index, own in enumerate(owns):
-        touched = np.concatenate([neighbours[own].indices.astype(np.int64), *collected[index]])
+        touched = np.concatenate([neighbours.pairs(own)[1], *collected[index]])
         eliminated += len(own)
         boundary = np.unique(rank[touched])
         boundary = boundary[boundary >= eliminated]
