@@ -5,7 +5,7 @@ A record is a row of a data frame or an object with attributes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Sequence, Sized
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -125,7 +125,7 @@ def omitted(listed: Sized, total: Sized, file: str, *, largest: bool = False) ->
 def _reading(of: Reading) -> Callable[[Any], Any]:
     if callable(of):
         return of
-    return lambda record: record[of] if isinstance(record, Mapping) else getattr(record, of)
+    return lambda record: record[of] if isinstance(record, dict) else getattr(record, of)
 
 
 def _places(decimals: int | Reading, factor: float) -> Callable[[Any], int]:
@@ -143,4 +143,4 @@ def _places(decimals: int | Reading, factor: float) -> Callable[[Any], int]:
 
 
 def _pattern(pattern: str) -> Callable[[Any], str]:
-    return lambda record: pattern.format_map(record if isinstance(record, Mapping) else vars(record))
+    return lambda record: pattern.format_map(record if isinstance(record, dict) else vars(record))

@@ -16,6 +16,7 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tasks.coordinates.crs import MapFrame
@@ -157,7 +158,9 @@ def _row_groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
         yield pa.concat_tables(pieces).combine_chunks()
 
 
-def read_table(artifact: Artifact, categories: bool = False) -> pd.DataFrame:
+def read_table(
+    artifact: Artifact, categories: bool = False, columns: Sequence[str] | None = None
+) -> pd.DataFrame:
     """Read a table of the contract into pandas, without its geometry column.
 
     Text columns are text, a null number is NaN.
@@ -166,6 +169,7 @@ def read_table(artifact: Artifact, categories: bool = False) -> pd.DataFrame:
     ----------
     categories : text columns are categories in the order of their code points: a million names that repeat
         are compared and grouped as integers.
+    columns : names of those to be read; None: all.
 
     Raises
     ------
@@ -177,26 +181,38 @@ def read_table(artifact: Artifact, categories: bool = False) -> pd.DataFrame:
     with pq.ParquetFile(path, read_dictionary=texts if categories else None) as file:
         # Threads cost more than they save where a table is small.
         threads = file.metadata.num_rows > ROW_GROUP
-        table = file.read(use_threads=threads)
-    described = from_json((table.schema.metadata or {}).get(METADATA, b"{}"))
-    if schema is None or (described.get("schema"), described.get("version")) != (schema.name, schema.version):
-        raise InstallationError(
-            f"{artifact.path} is not a table '{artifact.name}' that this version of aerocal can read.",
-            "Run again with an empty output folder.",
-        )
-    if GEOMETRY in table.column_names:
-        table = table.drop_columns([GEOMETRY])
-    read = cast(pd.DataFrame, table.unify_dictionaries().to_pandas(use_threads=threads))
-    return read.assign(**{name: _in_order(read[name]) for name in texts}) if categories else read
+        described = from_json((file.schema_arrow.metadata or {}).get(METADATA, b"{}"))
+        if schema is None or (described.get("schema"), described.get("version")) != (
+            schema.name,
+            schema.version,
+        ):
+            raise InstallationError(
+                f"{artifact.path} is not a table '{artifact.name}' that this version of aerocal can read.",
+                "Run again with an empty output folder.",
+            )
+        names = [name for name in columns or file.schema_arrow.names if name != GEOMETRY]
+        table = file.read(columns=names, use_threads=threads)
+    if not categories:
+        return cast(pd.DataFrame, table.to_pandas(use_threads=threads))
+    of_text = [name for name in names if name in texts]
+    numbers = table.drop_columns(of_text).to_pandas(use_threads=threads, split_blocks=True)
+    table = table.select(of_text).unify_dictionaries()
+    return pd.DataFrame(
+        {name: _in_order(table[name]) if name in of_text else numbers[name] for name in names}, copy=False
+    )
 
 
-def _in_order(texts: pd.Series) -> pd.Categorical:
-    """The same texts with their categories in order; as they are read, those of the first row come first."""
-    names, codes = texts.cat.categories, texts.cat.codes.to_numpy()
-    order = names.argsort()
-    rank = np.full(len(names) + 1, -1)  # the last is that of null
-    rank[order] = np.arange(len(names))
-    return pd.Categorical.from_codes(rank[codes], categories=names[order])
+def _in_order(texts: pa.ChunkedArray) -> pd.Series:
+    """The same texts as categories in order; as they are read, those of the first row come first."""
+    if len(texts) == 0:
+        return pd.Series(pd.Categorical([], categories=pd.Index([], dtype="str")))
+    found = texts.chunk(0).dictionary
+    order = pc.sort_indices(found)
+    rank = np.full(len(found) + 1, -1)  # the last is that of null
+    rank[order.to_numpy()] = np.arange(len(found))
+    codes = pa.chunked_array([chunk.indices for chunk in texts.chunks]).fill_null(len(found)).to_numpy()
+    names = pd.Index(found.take(order).to_pandas())
+    return pd.Series(pd.Categorical.from_codes(rank[codes], dtype=pd.CategoricalDtype(names)))
 
 
 def _metadata(schema: TableSchema, frame: MapFrame | None) -> dict[str, object]:

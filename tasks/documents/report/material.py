@@ -26,8 +26,14 @@ from tasks.tables.places import places_of
 IMAGE_POINTS = "image_points"
 #: Status of residuals that were used in the adjustment.
 TOOK_PART = ("used", "uncontrolled")
-# Tables in which names repeat.
-_LONG = ("image_points", "residuals")
+# Tables in which names repeat, and what the report shows of them.
+_LONG = {
+    "image_points": ("image", "point", "x_mm", "y_mm"),
+    "residuals": (
+        *("group", "image", "point", "component"),
+        *("residual", "sigma", "unit", "redundancy", "standardized", "status"),
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +49,7 @@ class Material:
     images : of the block, with their orientation (left join: an image without attitude has none).
     image_points, control_points, object_points, residuals, parameters, correlations, control_residuals,
         check_points, distance_residuals, model_alternatives, residual_grid, residual_autocorrelation : the
-        tables of these names.
+        tables of these names; of image points and residuals the columns that are shown.
     self_calibration : the additional parameters that were offered; empty without any.
     trust_map : trust_map_cells; empty without a trust map.
     strip_means : orientation_difference_means of a two-step calibration; empty without one.
@@ -187,7 +193,7 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
     """
     tables = {name: artifact for outputs in stages for name, artifact in outputs.items()}
     read = {
-        name: read_table(tables[name], categories=name in _LONG)
+        name: read_table(tables[name], categories=name in _LONG, columns=_LONG.get(name))
         for name in (
             "images",
             "image_points",

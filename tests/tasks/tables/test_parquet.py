@@ -289,3 +289,6 @@ def test_texts_can_be_read_as_categories_in_their_order(tmp_path):
     for name in ("group", "image", "point", "status"):
         assert read[name].astype(plain[name].dtype).equals(plain[name])
     assert read["residual"].equals(plain["residual"])
+    few = read_table(artifact_of(path), categories=True, columns=("residual", "image"))
+    assert list(few) == ["residual", "image"]
+    assert all(few[name].equals(read[name]) for name in few)
