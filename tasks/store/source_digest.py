@@ -24,6 +24,8 @@ from pathlib import Path
 PACKAGES = ("flows", "tasks", "adjust")
 #: Folder next to a module whose files are part of the source: texts that the modules fill in.
 TEMPLATES = "templates"
+#: Functions that import what they are given.
+IMPORT_CALLS = ("import_module", "__import__")
 #: The folder of our packages.
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -117,7 +119,11 @@ def _imports(file: Path) -> tuple[Path, ...]:
 
 
 def _named_by_statements(file: Path) -> Iterator[Path]:
-    for node in ast.walk(ast.parse(file.read_bytes(), filename=str(file))):
+    text = file.read_bytes()
+    tree = ast.parse(text, filename=str(file))
+    # A call can stand in any expression, and to look at all of them takes as long as the parser does.
+    anywhere = any(call.encode() in text for call in IMPORT_CALLS)
+    for node in ast.walk(tree) if anywhere else _statements(tree):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield from _module(alias.name)
@@ -127,6 +133,16 @@ def _named_by_statements(file: Path) -> Iterator[Path]:
                 yield from _module(f"{package}.{alias.name}") or _module(package)
         elif isinstance(node, ast.Call) and _is_import_call(node):
             yield from _dynamic(node)
+
+
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """The statements of a module, those within others included."""
+    ahead: list[ast.AST] = [tree]
+    while ahead:
+        node = ahead.pop()
+        yield node
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            ahead.extend(getattr(node, part, ()))
 
 
 def _module(name: str) -> tuple[Path, ...]:
@@ -153,7 +169,7 @@ def _absolute(file: Path, node: ast.ImportFrom) -> str:
 def _is_import_call(node: ast.Call) -> bool:
     called = node.func
     name = called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")
-    return name in ("import_module", "__import__")
+    return name in IMPORT_CALLS
 
 
 def _dynamic(node: ast.Call) -> Iterator[Path]:
