@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -95,12 +96,35 @@ class HelmertBlocking:
             )
         return found, np.sort(np.concatenate(missing))
 
+    @cached_property
+    def order(self) -> Ints:
+        """(n,) the exposures in the order of elimination."""
+        return np.concatenate([front.images[: front.own] for front in self.fronts])
+
+    @cached_property
+    def rank(self) -> Ints:
+        """(n,) place of every exposure in this order."""
+        return np.argsort(self.order)
+
     @property
     def front_of(self) -> Ints:
         """(n,) the front in which each exposure is eliminated."""
-        found = np.empty(self.pattern.events, dtype=np.int64)
-        for index, front in enumerate(self.fronts):
-            found[front.images[: front.own]] = index
+        return np.repeat(np.arange(len(self.fronts)), [front.own for front in self.fronts])[self.rank]
+
+    def rows(self, size: int, border: int) -> list[tuple[slice, Ints]]:
+        """Rows of the own and of the other unknowns of each front in a vector in the order of elimination.
+
+        The system parameters come last; they are the root's own.
+        """
+        found, first = list[tuple[slice, Ints]](), 0
+        for front in self.fronts:
+            last = first + 6 * front.own
+            if front.parent < 0:
+                found.append((slice(first, size), np.zeros(0, dtype=np.int64)))
+            else:
+                rest = self.rank[front.images[front.own :]]
+                found.append((slice(first, last), scalars(rest, size, border)))
+            first = last
         return found
 
 

@@ -18,6 +18,7 @@ summed in the same order, so the result does not depend on the number of threads
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import EllipsisType
 
 import numpy as np
 
@@ -60,49 +61,43 @@ class HelmertFactor:
 
         Or (n, 6, k) and (g, k), many together, in a fraction of the time.
         """
-        x, border = self.forward(rhs, rhs_border)
-        many, fronts = x.shape[2:], self.analysis.fronts
-        for front, factor in zip(fronts[::-1], self.factors[::-1], strict=True):
-            own, rest = front.images[: front.own], front.images[front.own :]
-            flat, further = (x[index].reshape(-1, *many) for index in (own, rest))
-            mine = np.concatenate([flat, border if front.parent < 0 else border[:0]])
-            known = np.concatenate([further, border[:0] if front.parent < 0 else border])
-            mine -= factor.below.T @ known
+        x, many, g = self._forward(rhs, rhs_border), rhs.shape[2:], len(rhs_border)
+        parts = self.analysis.rows(len(x), g)
+        for (own, rest), factor in zip(parts[::-1], self.factors[::-1], strict=True):
+            mine = x[own]
+            mine -= factor.below.T @ x[rest]
             dense_algebra.solve_lower_transposed(factor.lower, mine)
-            x[own] = mine[: 6 * front.own].reshape(-1, 6, *many)
-            border = mine[6 * front.own :] if front.parent < 0 else border
-        alone = (np.newaxis,) * len(many)
-        x *= self.scale_exposure[(..., *alone)]
-        return x, self.scale_border[(..., *alone)] * border
+        of_exposures = x[: len(x) - g].reshape(-1, 6, *many)[self.analysis.rank]
+        of_exposures *= _over(self.scale_exposure, many)
+        return of_exposures, _over(self.scale_border, many) * x[len(x) - g :]
 
     def forward(self, rhs: Floats, rhs_border: Floats) -> tuple[Floats, Floats]:
-        """Half a solution: y = L⁻¹ D b (n, 6, …) and (g, …) of right-hand sides as of ``solve``.
+        """Half a solution: y = L⁻¹ D b (n, 6, …), in the order of elimination, and (g, …).
 
-        Products of two of them are those of the solutions: y₁ᵀ y₂ = b₁ᵀ S⁻¹ b₂.
+        Right-hand sides as of ``solve``. Products of two y are those of the solutions: y₁ᵀ y₂ = b₁ᵀ S⁻¹ b₂.
         """
-        many = rhs.shape[2:]
-        x, border = self._scaled(rhs, rhs_border)
-        for front, factor in zip(self.analysis.fronts, self.factors, strict=True):
-            own, rest = front.images[: front.own], front.images[front.own :]
-            flat = x[own].reshape(-1, *many)
-            if front.parent >= 0 and not flat.any():
-                continue  # nothing comes from here, as mostly where right-hand sides belong to places
-            mine = np.concatenate([flat, border if front.parent < 0 else border[:0]])
+        y, exposures = self._forward(rhs, rhs_border), 6 * len(rhs)
+        return y[:exposures].reshape(rhs.shape), y[exposures:]
+
+    def _forward(self, rhs: Floats, rhs_border: Floats) -> Floats:
+        """Half a solution (6 n + g, …) in the order of elimination, own unknowns of a front together."""
+        many, g, order = rhs.shape[2:], len(rhs_border), self.analysis.order
+        x = np.empty((6 * len(rhs) + g, *many))
+        of_exposures = x[: len(x) - g].reshape(rhs.shape)
+        np.take(rhs, order, axis=0, out=of_exposures)
+        of_exposures *= _over(self.scale_exposure[order], many)
+        x[len(x) - g :] = _over(self.scale_border, many) * rhs_border
+        parts = self.analysis.rows(len(x), g)
+        for (own, rest), factor in zip(parts, self.factors, strict=True):
+            used = _columns_in_use(x[own])
+            mine = x[own, used]
             dense_algebra.solve_lower(factor.lower, mine)
-            taken = factor.below @ mine
-            x[own] = mine[: 6 * front.own].reshape(-1, 6, *many)
-            x[rest] -= taken[: 6 * front.rest].reshape(-1, 6, *many)
-            border = mine[6 * front.own :] if front.parent < 0 else border - taken[6 * front.rest :]
-        return x, border
+            x[rest, used] -= factor.below @ mine
+        return x
 
     def border_of(self, forward: Floats) -> Floats:
         """The system parameters (g, k) of a solution, which come last, from those (g, k) of ``forward``."""
         return np.asarray(self.scale_border[:, None] * np.linalg.solve(self._last.T, forward))
-
-    def _scaled(self, of_exposures: Floats, of_border: Floats) -> tuple[Floats, Floats]:
-        """D x."""
-        alone = (np.newaxis,) * (of_exposures.ndim - 2)
-        return self.scale_exposure[(..., *alone)] * of_exposures, self.scale_border[(..., *alone)] * of_border
 
     @property
     def _last(self) -> Floats:
@@ -155,6 +150,19 @@ class HelmertFactor:
             # A parent's inverse is needed until its last child is done; children are one level below or more.
             _forget(inverses, analysis.fronts, level)
         return blocks, border, corner
+
+
+def _over(scale: Floats, many: tuple[int, ...]) -> Floats:
+    """Factors that apply to every one of many right-hand sides."""
+    return scale[(..., *(np.newaxis,) * len(many))]
+
+
+def _columns_in_use(rows: Floats) -> slice | EllipsisType:
+    """From the first to the last column that is not zero; right-hand sides of a place reach few fronts."""
+    if rows.ndim == 1:
+        return ...
+    used = np.flatnonzero(rows.any(axis=0))
+    return slice(used[0], used[-1] + 1) if len(used) else slice(0)
 
 
 def _forget(inverses: dict[int, Floats], fronts: tuple[Front, ...], done: list[int]) -> None:

@@ -86,7 +86,10 @@ def block_errors(
     touched = [term.index for item in groups for term in item.equations.terms if term.block == OBJECT_POINT]
     points = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *touched]))
     points = points[(points >= 0) & system.active_point[np.maximum(points, 0)]]
-    found = BlockErrors(np.zeros((len(chosen), 3)), np.zeros((len(chosen), 3)))
+    of_orientation, of_rays = np.zeros((len(chosen), 3)), np.zeros((len(chosen), 3))
+    # Cells whose images are eliminated together come together: their right-hand sides reach the same fronts.
+    order = _by_elimination(solution, sight.only(chosen))
+    chosen = chosen[order]
     with one_thread():
         mixed = mixed_parts(system, solved, points)
         around = images_around(sight.only(chosen), solution.pattern)
@@ -95,14 +98,20 @@ def block_errors(
         for first in range(0, len(chosen), together):
             part = chosen[first : first + together]
             adjoint = _adjoint(solution, cells, sight, part, points, mixed)
+            own = order[first : first + together]
             for item in groups:
                 effect = np.abs(_effects(solution, item, adjoint)).max(axis=(0, 1), initial=0.0)
-                own = found.of_orientation[first : first + len(part)]
-                np.maximum(own, effect.reshape(-1, 3), out=own)
-            found.of_rays[first : first + len(part)] = rays.largest_effects(
+                of_orientation[own] = np.maximum(of_orientation[own], effect.reshape(-1, 3))
+            of_rays[own] = rays.largest_effects(
                 around.only(np.arange(first, first + len(part))), adjoint.of_exposures, adjoint.of_border
             )
-    return found
+    return BlockErrors(of_orientation, of_rays)
+
+
+def _by_elimination(solution: JointSolution, sight: Sight) -> Ints:
+    """The cells in the order in which the first of their images is eliminated."""
+    rank = solution.factorization.factor.analysis.rank
+    return np.argsort(np.minimum.reduceat(rank[sight.image], sight.start[:-1]), kind="stable")
 
 
 def _groups(solution: JointSolution, result: AdjustmentResult) -> list[_Group]:
@@ -130,16 +139,16 @@ def _adjoint(
     normal = np.zeros((d, 3, 3))
     np.add.at(normal, cell, np.swapaxes(of_point, 1, 2) @ of_point)
     gain = np.linalg.inv(normal)[cell] @ np.swapaxes(of_point, 1, 2)
-    of_exposures = np.zeros((system.layout.events, d, 3, 6))
-    np.add.at(of_exposures, (image, cell), -gain @ of.pop(EXTERIOR_ORIENTATION).jacobian)
+    of_exposures = np.zeros((system.layout.events, 6, d, 3))
+    by_exposure = -np.swapaxes(gain @ of.pop(EXTERIOR_ORIENTATION).jacobian, 1, 2)
+    np.add.at(of_exposures, (image, slice(None), cell), by_exposure)
     of_border = np.zeros((d, 3, system.border))
     for term in of.values():
         own = np.zeros((len(image), 3, system.border))
         add_border_columns(own, system.layout.columns[term.block][term.index], -gain @ term.jacobian)
         np.add.at(of_border, cell, own)
     x, border = solution.factorization.factor.solve(
-        np.ascontiguousarray(of_exposures.reshape(-1, 3 * d, 6).swapaxes(1, 2)),
-        np.ascontiguousarray(of_border.reshape(3 * d, -1).T),
+        of_exposures.reshape(-1, 6, 3 * d), of_border.reshape(3 * d, -1).T
     )
     pulled = np.swapaxes(mixed.of_border, 1, 2) @ border
     np.add.at(pulled, mixed.point, np.swapaxes(mixed.of_rays, 1, 2) @ x[mixed.event])
