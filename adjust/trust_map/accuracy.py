@@ -30,8 +30,9 @@ from adjust.solve.covisibility import Covisibility
 from adjust.solve.factorization import Factorization, ReducedCofactor
 from adjust.solve.lanes import in_any_order
 from adjust.solve.system import System
-from adjust.trust_map import accuracy_kernel, pairs_kernel
+from adjust.trust_map import accuracy_kernel, differences_kernel, groups_kernel, pairs_kernel
 from adjust.trust_map.cells import GroundCells, Sight
+from adjust.trust_map.groups import CellGroups
 
 # Rays of the cells that are worked on together: enough that many cells have the same images. Fewer, where
 # each ray has derivatives of its own by additional parameters.
@@ -185,15 +186,12 @@ def _fill(
             equations = rays.linearize(state)
             of_rest = replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
             of_known = considered.of_residuals(of_rest)
-    neighbour = cells.neighbour[first:last]
+    neighbour = np.where(cells.neighbour[first:last] >= 0, cells.neighbour[first:last] - first, -1)
     chosen = slice(first, last)
-    accuracy_kernel.cell_accuracies(
-        start,
-        _by_images(start, image),
-        np.where(neighbour >= 0, neighbour - first, -1),
+    pattern, own_cofactor = cofactor.pattern, (cofactor.blocks, cofactor.border, cofactor.corner)
+    of_images = (
         np.ascontiguousarray(state.object_point),
         cells.local_from_axes[first:last],
-        image,
         (
             measured.camera_of_image,
             state.projection_centre,
@@ -204,13 +202,16 @@ def _fill(
         ),
         of_known,
         _columns(solution.system),
-        cofactor.pattern.row_start,
-        cofactor.pattern.column,
-        cofactor.blocks,
-        cofactor.border,
-        cofactor.corner,
+        (pattern.row_start, pattern.column, *own_cofactor),
         measurement.sigma0**2,
         measurement.sigma**2,
+    )
+    left = accuracy_kernel.cell_accuracies(
+        start,
+        image,
+        CellGroups.of(start, image),
+        neighbour,
+        *of_images,
         NON_CENTRALITY,
         UNCONTROLLED,
         found.sigma[chosen],
@@ -219,18 +220,11 @@ def _fill(
         found.external[chosen],
         found.uncontrolled[chosen],
     )
-
-
-def _by_images(start: Ints, image: Ints) -> Ints:
-    """The cells (m,), those with the same images one after another, otherwise in their order.
-
-    Runs of cells with the same images mostly lie in rows above each other. They are brought together by a
-    hash of their images; two sets of images with the same hash do no harm.
-    """
-    runs, keys = pairs_kernel.runs_of_images(start, image)
-    first, end = runs[np.argsort(keys, kind="stable")].T
-    count = end - first
-    return np.asarray(np.arange(len(start) - 1) + np.repeat(first - (np.cumsum(count) - count), count))
+    beside = neighbour[left]
+    groups = CellGroups.of(*groups_kernel.common_images(start, image, left, beside))
+    differences_kernel.differences_in_common_images(
+        start, image, groups, left, beside, *of_images, found.sigma_relative[chosen]
+    )
 
 
 def new_rays(

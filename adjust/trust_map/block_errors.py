@@ -140,8 +140,8 @@ def _adjoint(
     np.add.at(normal, cell, np.swapaxes(of_point, 1, 2) @ of_point)
     gain = np.linalg.inv(normal)[cell] @ np.swapaxes(of_point, 1, 2)
     of_exposures = np.zeros((system.layout.events, 6, d, 3))
-    by_exposure = -np.swapaxes(gain @ of.pop(EXTERIOR_ORIENTATION).jacobian, 1, 2)
-    np.add.at(of_exposures, (image, slice(None), cell), by_exposure)
+    by_exposure = np.swapaxes(gain @ of.pop(EXTERIOR_ORIENTATION).jacobian, 1, 2)
+    np.add.at(of_exposures.swapaxes(1, 2), (image, cell), -by_exposure)
     of_border = np.zeros((d, 3, system.border))
     for term in of.values():
         own = np.zeros((len(image), 3, system.border))

@@ -31,8 +31,13 @@ def places(first, last, image, columns, place, used):
 
 
 @kernel
-def gather(first, last, image, used, row_start, column, blocks, border, corner, scale, known):
-    """Put Q, multiplied by scale, of the rays first … last − 1 into known (d, d); images ascend."""
+def gather(first, last, image, used, cofactor, scale, known):
+    """Put Q, multiplied by scale, of the images first … last − 1, ascending, into known (d, d).
+
+    cofactor is row_start and column of the pattern with blocks, border and corner of
+    :class:`~adjust.solve.factorization.ReducedCofactor`.
+    """
+    row_start, column, blocks, border, corner = cofactor
     k = last - first
     for a in range(k):
         for b in range(a, k):

@@ -4,37 +4,9 @@ import numpy as np
 
 from adjust.compiled import kernel, small_kernel
 from adjust.solve.covisibility_kernel import find_block
+from adjust.trust_map.groups_kernel import same_images
 from adjust.trust_map.joint_kernel import products_of_six, six_of, times_block
 from adjust.trust_map.lane_kernel import LANES, set_six_rows, six_rows
-
-
-@small_kernel
-def same_images(first, last, other_first, other_last, image):
-    """Whether the rays of two cells are in the same images."""
-    same = other_last - other_first == last - first
-    if same:
-        for a in range(last - first):
-            same = same and image[first + a] == image[other_first + a]
-    return same
-
-
-@kernel
-def runs_of_images(start, image):
-    """Runs of cells with the same images: first and last + 1 cell (n, 2), and a hash of these images (n,)."""
-    cells = start.shape[0] - 1
-    runs, keys = np.empty((cells, 2), np.int64), np.empty(cells, np.int64)
-    count = 0
-    for j in range(cells):
-        first, last = start[j], start[j + 1]
-        if count and same_images(first, last, start[j - 1], first, image):
-            runs[count - 1, 1] = j + 1
-            continue
-        key = 0
-        for a in range(first, last):
-            key = (key * 1_000_003 + image[a] + 1) % 2_147_483_647
-        runs[count, 0], runs[count, 1], keys[count] = j, j + 1, key
-        count += 1
-    return runs[:count], keys[:count]
 
 
 @kernel

@@ -32,11 +32,8 @@ def derivatives(k, m, first, image, ray, geometry, free, where, slopes, of_expos
     camera_of_image, centres, rotations, interior, slope, basis = geometry
     for a in range(k):
         i = image[first + a]
-        for r in range(2):
-            for t in range(5):
-                for n in range(m):
-                    at = ray[a * LANES + n] if slope.shape[0] > 1 else 0
-                    slopes[(5 * r + t) * LANES + n] = slope[at, r, t]
+        if a == 0 or slope.shape[0] > 1:
+            put_slopes(m, a, ray, slope, slopes)
         c, own = interior[camera_of_image[i], 0], 12 * a * LANES
         one_image(
             m, c, centres[i, 0], centres[i, 1], centres[i, 2], rotations[i, 0, 0], rotations[i, 0, 1],
@@ -47,6 +44,16 @@ def derivatives(k, m, first, image, ray, geometry, free, where, slopes, of_expos
         if free:
             systems_of_image(m, a, i, ray, centres, rotations, where, slopes, basis, of_system,
             )  # fmt: skip
+
+
+@kernel
+def put_slopes(m, a, ray, slope, slopes):
+    """Fill slopes with those of ray a of m cells; a single one belongs to all rays."""
+    for r in range(2):
+        for t in range(5):
+            for n in range(m):
+                at = ray[a * LANES + n] if slope.shape[0] > 1 else 0
+                slopes[(5 * r + t) * LANES + n] = slope[at, r, t]
 
 
 @kernel

@@ -107,30 +107,3 @@ def subtract(count, one, other):
     """One array less another, in place."""
     for n in range(count):
         one[np.uintp(n)] -= other[np.uintp(n)]
-
-
-@kernel
-def common_rays(m, k, cell, other, first, start, image, ray, of_other, common):
-    """Rays of m cells and of others in the k images of the cells, image[first] and those behind it.
-
-    Fills ray and of_other with their places, and common with 1 where both see the image, otherwise with 0.
-    """
-    for n in range(m):
-        b, last = start[other[n]], start[other[n] + 1]
-        for a in range(k):
-            while b < last and image[b] < image[first + a]:
-                b += 1
-            seen = b < last and image[b] == image[first + a]
-            ray[a * LANES + n] = start[cell[n]] + a
-            of_other[a * LANES + n] = b if seen else start[cell[n]] + a
-            common[a * LANES + n] = 1.0 if seen else 0.0
-
-
-@kernel
-def leave_out(m, k, common, of_point):
-    """Make rays zero that are not common."""
-    for a in range(k):
-        for j in range(6):
-            own = (6 * a + j) * LANES
-            for n in range(m):
-                of_point[np.uintp(own + n)] *= common[np.uintp(a * LANES + n)]
