@@ -20,7 +20,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
-from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, Pictures, Rig
+from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, Pictures, Rig
 from adjust.unknown_names import NamedValues
 
 EXTERIOR_ORIENTATION = "exterior_orientation"
@@ -256,6 +256,22 @@ class State:
 def _as_kernels_take_it(values: Floats) -> Floats:
     """The same array, or a copy where it is read-only or not in the order of C."""
     return np.require(values, dtype=np.float64, requirements=["C", "W"])
+
+
+def free_in_rig(rig: Rig, family: str, chosen: Bools) -> Bools:
+    """Those of the chosen parameters (c, d) of the cameras of a rig that are unknowns.
+
+    A reference head has no mounting relative to itself; boresight and lever arm of the other heads follow
+    from its own; a platform that takes no pictures has no interior orientation.
+    """
+    owners = np.ones(len(rig.reference), dtype=bool)
+    if family in OF_HEADS:
+        owners = ~rig.is_reference
+    elif family in (BORESIGHT, LEVER_ARM):
+        owners = rig.is_reference
+    elif family == INTERIOR_ORIENTATION:
+        owners = np.isin(np.arange(len(owners)), rig.camera_of_image)
+    return np.asarray(chosen & owners[:, None])
 
 
 @dataclass(frozen=True, eq=False)

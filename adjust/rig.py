@@ -109,6 +109,13 @@ class Rig:
         """(c,) cameras that are reference heads."""
         return np.asarray(self.reference == np.arange(len(self.reference)))
 
+    @property
+    def joined_heads(self) -> Bools:
+        """(c,) cameras that take pictures together with other heads of their rig."""
+        taken = np.isin(np.arange(len(self.reference)), self.camera_of_image)
+        heads = np.bincount(self.reference[taken], minlength=len(self.reference))
+        return np.asarray(taken & (heads[self.reference] > 1))
+
     def pictures(
         self, projection_centre: Floats, local_from_camera: Floats, system: Mapping[str, Floats]
     ) -> Pictures:

@@ -26,8 +26,10 @@ from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
     FAMILIES,
     SystemParameters,
+    free_in_rig,
 )
 from adjust.planning.network import PlannedDistances, PlannedNetwork
+from adjust.rig import OF_HEADS
 from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.solve.defect import explain_defect
 from adjust.solve.factorization import SingularNormalsError, factorize
@@ -154,7 +156,7 @@ def _inverse(normal: Floats) -> Floats:
 
 
 def _block(network: PlannedNetwork, model: CalibrationModel) -> Block:
-    exposures = network.exposures
+    exposures, rig = network.exposures, network.rig
     entities = {
         "camera": tuple(camera.name for camera in network.cameras),
         "flight": network.flights,
@@ -163,27 +165,31 @@ def _block(network: PlannedNetwork, model: CalibrationModel) -> Block:
     system = []
     for family in FAMILIES.values():
         components = model.free.get(family.name, ())
-        if not family.always_there and not components:
+        of_heads = rig is not None and family.name in OF_HEADS
+        if not (family.always_there or components or of_heads):
             continue
         names = entities[family.entity_kind]
         shape = (len(names), len(family.components))
         free = np.zeros(shape, dtype=bool)
         free[:, list(components)] = True
+        if rig is not None and family.entity_kind == "camera":
+            free = free_in_rig(rig, family.name, free)
         system.append(SystemParameters(family, names, network.system.get(family.name, np.zeros(shape)), free))
     if model.additional is not None:
         system.append(model.additional.parameters)
     return Block(
         network.frame,
         network.cameras,
-        _numbered("I", len(exposures)),
-        exposures.camera,
+        _numbered("I", len(network.event_of_image)),
+        network.camera_of_image,
         network.flights,
-        exposures.flight,
+        exposures.flight[network.event_of_image],
         _numbered("P", len(network.object_point)),
         tuple(system),
         exposures.projection_centre,
         exposures.local_from_camera,
         network.object_point,
+        rig=rig,
     )
 
 
@@ -197,11 +203,12 @@ def _observations(network: PlannedNetwork, block: Block, model: CalibrationModel
     image_points = ImagePoints(
         rays.image,
         rays.point,
-        exposures.camera,
+        network.camera_of_image,
         network.image_coordinates,
         rays.sigma,
         np.ones(len(rays.image), dtype=bool),
         self_calibration=None if model.additional is None else model.additional.model,
+        event_of_image=None if network.rig is None else network.rig.event_of_image,
     )
     others: list[ObservationGroup] = []
     if len(control.point):
@@ -242,7 +249,7 @@ def _positions(network: PlannedNetwork, block: Block, model: CalibrationModel) -
             np.arange(len(exposures)),
             model.gnss_correlation_time,
         ),
-        StripMotion(exposures.strip, _since_middle(exposures.time, exposures.strip), exposures.velocity),
+        _motion(network),
     )
 
 
@@ -259,7 +266,14 @@ def _attitudes(network: PlannedNetwork, block: Block, model: CalibrationModel) -
         block.body_from_camera[rows],
         _over_time(weights, network, rows, model.ins_correlation_time),
         BodyRates(exposures.flight[rows], exposures.rate[rows]),
+        _motion(network).of(rows),
     )
+
+
+def _motion(network: PlannedNetwork) -> StripMotion:
+    exposures = network.exposures
+    since = _since_middle(exposures.time, exposures.strip)
+    return StripMotion(exposures.strip, since, exposures.velocity)
 
 
 def _over_time(

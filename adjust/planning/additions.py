@@ -57,7 +57,7 @@ class ProposedLines:
     times: int = 1
 
     @property
-    def images(self) -> int:
+    def exposures(self) -> int:
         """Number of exposures."""
         return sum(len(strip.plan) for strip in self.strips)
 
@@ -81,9 +81,9 @@ class Addition:
         return tuple(strip for group in self.groups for strip in group.strips)
 
     @property
-    def images(self) -> int:
-        """Number of additional images: what the proposal costs."""
-        return sum(group.images for group in self.groups)
+    def exposures(self) -> int:
+        """Number of additional exposures: what the proposal costs."""
+        return sum(group.exposures for group in self.groups)
 
     @property
     def key(self) -> tuple[object, ...]:
@@ -93,8 +93,8 @@ class Addition:
 
     @property
     def cost(self) -> tuple[int, int]:
-        """Images first, control points between equals."""
-        return self.images, self.control
+        """Exposures first, control points between equals."""
+        return self.exposures, self.control
 
 
 def additions(network: PlannedNetwork, height_ratio: float) -> tuple[Addition, ...]:

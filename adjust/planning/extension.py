@@ -10,6 +10,7 @@ from adjust.arrays import Floats, Ints
 from adjust.geometry import rotation
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION
 from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNetwork, PlannedRays
+from adjust.rig import EventMotion, Rig
 from adjust.simulate.survey import spread_order
 from adjust.simulate.terrain import raised
 from adjust.simulate.trajectory import ENU_FROM_NED
@@ -46,7 +47,7 @@ def extended(network: PlannedNetwork, strips: tuple[AddedStrip, ...], control: i
 
     The additional images see the object points that are there, as often as the images there see theirs; their
     positions, attitudes and image points are as good as those are on average; they belong to the flight with
-    most exposures and are taken with its camera.
+    most exposures and are taken with its camera, of a rig with all heads that take images.
 
     Parameters
     ----------
@@ -56,13 +57,10 @@ def extended(network: PlannedNetwork, strips: tuple[AddedStrip, ...], control: i
     if strips:
         added = _exposures(network, strips)
         names = tuple(f"added {number}" for number in range(1, len(strips) + 1))
-        rays = _rays(network, added)
-        wider = replace(
-            network,
-            strips=network.strips + names,
-            exposures=network.exposures.joined(added),
-            rays=_joined(network.rays, rays),
-        )
+        wider = replace(network, strips=network.strips + names, exposures=network.exposures.joined(added))
+        if network.rig is not None:
+            wider = replace(wider, rig=_with_events(network.rig, wider, len(added)))
+        wider = replace(wider, rays=_joined(network.rays, _rays(network, wider)))
     return wider.with_control(_control(network, control)) if control else wider
 
 
@@ -106,23 +104,50 @@ def _exposures(network: PlannedNetwork, strips: tuple[AddedStrip, ...]) -> Plann
     )
 
 
-def _rays(network: PlannedNetwork, added: PlannedExposures) -> PlannedRays:
+def _with_events(rig: Rig, wider: PlannedNetwork, count: int) -> Rig:
+    """The rig with the last exposures of a network as events of all heads that take images."""
+    camera = int(wider.exposures.camera[-1])
+    heads = np.unique(rig.camera_of_image[rig.reference[rig.camera_of_image] == camera])
+    motion = rig.motion
+    if motion is not None:
+        body_from_local = np.swapaxes(wider.local_from_body[-count:], 1, 2)
+        velocity = np.einsum("nij,nj->ni", body_from_local, wider.exposures.velocity[-count:])
+        motion = EventMotion(
+            np.concatenate([motion.velocity, velocity]),
+            np.concatenate([motion.rate, wider.exposures.rate[-count:]]),
+        )
+    return replace(
+        rig,
+        events=(*rig.events, *(f"added {number}" for number in range(1, count + 1))),
+        event_of_image=np.concatenate(
+            [rig.event_of_image, np.repeat(np.arange(count), len(heads)) + len(rig.events)]
+        ),
+        camera_of_image=np.concatenate([rig.camera_of_image, np.tile(heads, count)]),
+        motion=motion,
+    )
+
+
+def _rays(network: PlannedNetwork, wider: PlannedNetwork) -> PlannedRays:
     """Rays of the additional exposures; tie points are found as often as in the images that are there."""
-    visible, _ = visible_rays(_geometry(network, network.exposures), network.object_point)
+    given = len(network.event_of_image)
+    visible, _ = visible_rays(_geometry(wider, slice(0, given)), network.object_point)
     share = min(1.0, len(network.rays.image) / max(len(visible), 1))
-    image, point = visible_rays(_geometry(network, added), network.object_point)
+    image, point = visible_rays(_geometry(wider, slice(given, None)), network.object_point)
     found = np.random.default_rng(_SEED).uniform(size=len(image)) < share
     found |= np.isin(point, network.control.point)
     sigma = np.sqrt(np.mean(network.rays.sigma**2, axis=0))
-    image = image[found] + len(network.exposures)
+    image = image[found] + given
     return PlannedRays(image, point[found], np.tile(sigma, (len(image), 1)))
 
 
-def _geometry(network: PlannedNetwork, exposures: PlannedExposures) -> ImageGeometry:
-    half = np.array([camera.half_format for camera in network.cameras])[exposures.camera]
-    interior = network.system[INTERIOR_ORIENTATION][exposures.camera]
+def _geometry(network: PlannedNetwork, images: slice) -> ImageGeometry:
+    camera, pictures = network.camera_of_image[images], network.state.pictures
+    half = np.array([camera.half_format for camera in network.cameras])[camera]
     return ImageGeometry(
-        exposures.projection_centre, exposures.local_from_camera, interior, (1.0 - _MARGIN) * half
+        pictures.projection_centre[images],
+        pictures.local_from_camera[images],
+        network.system[INTERIOR_ORIENTATION][camera],
+        (1.0 - _MARGIN) * half,
     )
 
 

@@ -16,12 +16,15 @@ from adjust.camera.additional.base import ImageFormat
 from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
 from adjust.geometry.earth import LocalFrame
-from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
+from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM, State
+from adjust.rig import Rig
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedExposures:
     """n exposures and how well their positions and attitudes are observed.
+
+    Those of a rig are its events, and their camera is the reference head.
 
     Attributes
     ----------
@@ -98,7 +101,7 @@ class PlannedRays:
 
     Attributes
     ----------
-    image, point : (r,) indices.
+    image, point : (r,) indices; without a rig every exposure is one image.
     sigma : (r, 2) metres.
     """
 
@@ -118,7 +121,8 @@ class PlannedNetwork:
     flights, strips : names.
     exposures, rays, control, distances : what is observed.
     object_point : (m, 3) metres, local frame.
-    system : values of the interior orientation, boresight and lever arm of every camera, SI and radians.
+    system : values of the interior orientation, boresight and lever arm of every camera, with a rig also
+        relative positions and rotations and synchronisation offsets of the heads, SI and radians.
     formats, calibration_axes_deg : image of every camera in calibration axes, and these from image axes.
     """
 
@@ -134,6 +138,36 @@ class PlannedNetwork:
     formats: tuple[ImageFormat, ...]
     calibration_axes_deg: tuple[int, ...]
     distances: PlannedDistances | None = None
+    rig: Rig | None = None
+
+    @property
+    def event_of_image(self) -> Ints:
+        """(i,) exposure of every image."""
+        return np.arange(len(self.exposures)) if self.rig is None else self.rig.event_of_image
+
+    @property
+    def camera_of_image(self) -> Ints:
+        """(i,) camera that takes every image."""
+        return self.exposures.camera if self.rig is None else self.rig.camera_of_image
+
+    @property
+    def state(self) -> State:
+        """The geometry as values of the unknowns."""
+        exposures = self.exposures
+        return State(
+            exposures.projection_centre,
+            exposures.local_from_camera,
+            self.object_point,
+            self.system,
+            self.rig,
+        )
+
+    @property
+    def joined_heads(self) -> tuple[str, ...]:
+        """Cameras that take images together with other heads of a rig."""
+        if self.rig is None:
+            return ()
+        return tuple(self.cameras[k].name for k in np.flatnonzero(self.rig.joined_heads))
 
     @property
     def body_from_camera(self) -> Floats:
@@ -167,9 +201,9 @@ class PlannedNetwork:
     def ground(self) -> Floats:
         """(n,) mean height of the object points that each exposure sees, metres; their mean where none."""
         height = self.frame.height(self.object_point)
-        n = len(self.exposures)
-        count = np.bincount(self.rays.image, minlength=n)
-        total = np.bincount(self.rays.image, height[self.rays.point], n)
+        n, exposure = len(self.exposures), self.event_of_image[self.rays.image]
+        count = np.bincount(exposure, minlength=n)
+        total = np.bincount(exposure, height[self.rays.point], n)
         return np.asarray(np.where(count > 0, total / np.maximum(count, 1), height.mean()))
 
     @property
@@ -180,10 +214,10 @@ class PlannedNetwork:
     @property
     def image_coordinates(self) -> Floats:
         """(r, 2) where the rays meet the images, metres."""
-        rays, exposures = self.rays, self.exposures
-        ray = self.object_point[rays.point] - exposures.projection_centre[rays.image]
-        p = np.einsum("nji,nj->ni", exposures.local_from_camera[rays.image], ray)
-        interior = self.system[INTERIOR_ORIENTATION][exposures.camera[rays.image]]
+        rays, pictures = self.rays, self.state.pictures
+        ray = self.object_point[rays.point] - pictures.projection_centre[rays.image]
+        p = np.einsum("nji,nj->ni", pictures.local_from_camera[rays.image], ray)
+        interior = self.system[INTERIOR_ORIENTATION][self.camera_of_image[rays.image]]
         return np.asarray(interior[:, 1:] - interior[:, :1] * p[:, :2] / p[:, 2:])
 
     def with_control(self, control: PlannedControl) -> PlannedNetwork:
@@ -194,14 +228,14 @@ class PlannedNetwork:
         """Without the rays of points whose rays all have nearly the same direction.
 
         A line flown there and back exactly over itself sees points twice from one place, which determines
-        nothing; control points are known without.
+        nothing, and so do the heads of one exposure; control points are known without.
 
         Parameters
         ----------
         least_angle : of the outermost ray of a point from their mean direction, radians.
         """
         rays, m = self.rays, len(self.object_point)
-        ray = self.object_point[rays.point] - self.exposures.projection_centre[rays.image]
+        ray = self.object_point[rays.point] - self.state.pictures.projection_centre[rays.image]
         ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
         mean = np.stack([np.bincount(rays.point, ray[:, axis], m) for axis in range(3)], -1)
         mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), np.finfo(float).tiny)

@@ -7,6 +7,7 @@ import numpy as np
 from adjust.arrays import Floats
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
 from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNetwork, PlannedRays
+from adjust.rig import OF_HEADS
 from adjust.simulate.image_errors import image_format_of
 from adjust.simulate.truth import BlockSpecification, BlockTruth, block_truth
 
@@ -35,7 +36,8 @@ def simulated_network(specification: BlockSpecification) -> PlannedNetwork:
         np.tile(np.diag(noise.stated_ins**2), (n, 1, 1)),
         np.ones(n, dtype=bool),
     )
-    names = (INTERIOR_ORIENTATION, BORESIGHT, LEVER_ARM)
+    rig = truth.state.rig
+    names = (INTERIOR_ORIENTATION, BORESIGHT, LEVER_ARM, *(() if rig is None else OF_HEADS))
     return PlannedNetwork(
         specification.frame,
         specification.cameras,
@@ -48,6 +50,7 @@ def simulated_network(specification: BlockSpecification) -> PlannedNetwork:
         {name: truth.state.system[name] for name in names},
         tuple(image_format_of(specification.image_errors, camera) for camera in specification.cameras),
         (0,) * len(specification.cameras),
+        rig=rig,
     )
 
 

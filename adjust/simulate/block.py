@@ -19,7 +19,6 @@ from adjust.observations.gnss_position import GnssPositions, StripMotion
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import BodyRates, InsAttitudes
 from adjust.parameters import (
-    BORESIGHT,
     FAMILIES,
     GNSS_DRIFT,
     GNSS_SHIFT,
@@ -32,6 +31,7 @@ from adjust.parameters import (
     Family,
     State,
     SystemParameters,
+    free_in_rig,
 )
 from adjust.rig import OF_HEADS
 from adjust.simulate.gross_errors import GrossErrors, gross_errors_of
@@ -181,9 +181,8 @@ class SimulatedBlock:
         rig = self.truth.state.rig
         if rig is not None and family.name in OF_HEADS:
             values = stated_heads(self.specification.heads, len(entities))[family.name]
-            freedom[rig.is_reference] = False
-        elif rig is not None and family.name in (BORESIGHT, LEVER_ARM):
-            freedom[~rig.is_reference] = False
+        if rig is not None and family.entity_kind == "camera":
+            freedom = free_in_rig(rig, family.name, freedom)
         return SystemParameters(family, entities, values, freedom)
 
     def _image_points(self) -> ImagePoints:

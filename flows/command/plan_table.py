@@ -55,6 +55,8 @@ def _about_elimination(plan: CalibrationPlan) -> list[str]:
 def _network(here: Expectation, strip_bias: float) -> Table:
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     table.add_row("images, strips", f"{here.images:,}, {here.strips}")
+    if here.images > here.exposures:
+        table.add_row("exposures of the rig", f"{here.exposures:,}")
     table.add_row("object points, image points", f"{here.points:,}, {here.rays:,}")
     table.add_row("control points", f"{here.control}")
     table.add_row("directions", direction_words(here.pattern))
@@ -88,9 +90,9 @@ def _quantities(here: Expectation) -> Table:
 def _correlations(here: Expectation) -> Table:
     """The most strongly correlated pairs, each once."""
     table = _titled("Strongest correlations")
-    table.add_column("of", no_wrap=True)
-    table.add_column("with", no_wrap=True)
-    table.add_column("", justify="right")
+    table.add_column("of", overflow="fold")
+    table.add_column("with", overflow="fold")
+    table.add_column("", justify="right", no_wrap=True)
     pairs = {
         frozenset({str(item), str(item.strongest)}): (str(item), item.strongest)
         for item in here.quantities
@@ -110,16 +112,16 @@ def _sentences(title: str, sentences: Sequence[str], style: str) -> list[Rendera
 
 
 def _proposals(plan: CalibrationPlan) -> Table:
-    table = _titled("Additions, by number of images")
+    table = _titled("Additions, by number of exposures")
     table.add_column("in addition", overflow="fold")
-    table.add_column("images", justify="right")
+    table.add_column("exposures", justify="right")
     table.add_column("largest σ/limit", overflow="fold")
     table.add_column("verdict")
     for proposal in _shown(plan):
         expectation = proposal.expectation
         table.add_row(
             addition_words(proposal.addition),
-            f"+{proposal.addition.images}",
+            f"+{proposal.addition.exposures}",
             f"{expectation.worst_part:.2f} {expectation.worst.parameter}",
             Text(expectation.flight.verdict, style="green" if expectation.accepted else "red"),
         )
@@ -144,9 +146,10 @@ def _cheapest(plan: CalibrationPlan) -> Text:
             f"with {nearest.expectation.worst} at {nearest.expectation.worst_part:.2f} times its limit.",
             style="bold red",
         )
-    images = f"{found.addition.images} images" if found.addition.images else "no more images"
+    count = found.addition.exposures
+    exposures = f"{count} exposures" if count else "no more exposures"
     return Text(
-        f"Cheapest addition that meets the limits: {addition_words(found.addition)} ({images}).",
+        f"Cheapest addition that meets the limits: {addition_words(found.addition)} ({exposures}).",
         style="bold green",
     )
 

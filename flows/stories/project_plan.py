@@ -6,7 +6,6 @@ import tempfile
 from pathlib import Path
 
 from flows.stories.block_preparation import prepare_block
-from tasks.errors import InputError
 from tasks.georeferencing.registered_cameras import with_registered_cameras
 from tasks.planning.plan import CalibrationPlan, plan_calibration
 from tasks.planning.project_network import network_of_project
@@ -37,7 +36,6 @@ def plan_of_project(
         If the project is wrong or its block determines nothing.
     """
     project = with_registered_cameras(load_project(Path(source), overrides, data))
-    _require_single_cameras(source, project.has_heads)
     settings = project.adjustment
     request = PlanRequest.of(project.calibration, settings, free, additional, strip_bias_m)
     # A plan leaves nothing behind.
@@ -78,17 +76,7 @@ def plan_of_specification(
         If the specification is wrong or its block determines nothing.
     """
     simulation = load_simulation(source, overrides)
-    _require_single_cameras(source, bool(simulation.head))
     calibration = simulation.calibration or CalibrationSettings()
     request = PlanRequest.of(calibration, AdjustmentSettings(), free, additional, strip_bias_m)
     network = network_of_specification(simulation)
     return plan_calibration(simulation.project.name, network, request, propose=propose)
-
-
-def _require_single_cameras(source: str, has_heads: bool) -> None:
-    if has_heads:
-        raise InputError(
-            f"{source} has a rig of several heads; plans are of single cameras.",
-            "Simulate the flight of the rig and calibrate it: `aerocal simulate`, then `aerocal calibrate` "
-            "gives the standard deviations of the same geometry.",
-        )

@@ -6,6 +6,7 @@ the local frame.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.errors import InputError
-from tasks.quantities import KINDS
+from tasks.quantities import KINDS, Kind
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.tables.places import places_of
 
@@ -161,12 +162,8 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
         SYNCHRONISATION_OFFSET: mountings.synchronisation_offset,
     }
     chosen = [KINDS[name] for name in settings.free]
-    if any(kind.family in OF_HEADS for kind in chosen) and not mountings.has_heads:
-        raise InputError(
-            "Relative positions, rotations and synchronisation offsets are of the heads of a rig, but no "
-            "camera is a head.",
-            "Remove relative_position, relative_rotation and synchronisation_offset from `free`.",
-        )
+    if not mountings.has_heads:
+        refuse_heads(chosen)
     known = settings.priors.relative_position_m or settings.priors.synchronisation_offset_s
     if {"relative_position", "synchronisation_offset"} <= set(settings.free) and known is None:
         raise InputError(
@@ -204,6 +201,22 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
         SystemParameters(FAMILIES[name], entities[FAMILIES[name].entity_kind], array, free[name])
         for name, array in values.items()
     )
+
+
+def refuse_heads(chosen: Iterable[Kind]) -> None:
+    """Refuse to estimate mountings of heads where no camera is a head of a rig.
+
+    Raises
+    ------
+    InputError
+        If one of the chosen kinds of parameters is of heads.
+    """
+    if any(kind.family in OF_HEADS for kind in chosen):
+        raise InputError(
+            "Relative positions, rotations and synchronisation offsets are of the heads of a rig, but no "
+            "camera is a head.",
+            "Remove relative_position, relative_rotation and synchronisation_offset from `free`.",
+        )
 
 
 def _refuse_platform_and_heads(given: GivenOrientations, settings: AdjustmentSettings) -> None:

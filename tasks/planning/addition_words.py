@@ -18,11 +18,17 @@ def addition_words(addition: Addition) -> str:
     return listed(parts)
 
 
-def addition_json(addition: Addition) -> JSON:
-    """The same with every strip: start and end in the local frame of the adjustment, metres."""
+def addition_json(addition: Addition, images: int) -> JSON:
+    """The same with every strip: start and end in the local frame of the adjustment, metres.
+
+    Parameters
+    ----------
+    images : that are taken at its exposures, by all heads of a rig.
+    """
     return {
         "words": addition_words(addition),
-        "images": addition.images,
+        "exposures": addition.exposures,
+        "images": images,
         "control_points": addition.control,
         "strips": [
             {
@@ -49,4 +55,4 @@ def _lines(group: ProposedLines) -> str:
     ways = ", there and back" if group.both_ways else ""
     ways += {1: "", 2: ", twice"}.get(group.times, f", {group.times} times")
     heading = heading_words(group.heading)
-    return f"{lines}{across} at {height}, heading {heading}, of {exposures} images{ways}"
+    return f"{lines}{across} at {height}, heading {heading}, of {exposures} exposures{ways}"

@@ -34,13 +34,14 @@ class Expectation:
 
     Attributes
     ----------
-    images, strips, points, rays, control : how many.
+    exposures, images, strips, points, rays, control : how many; without a rig every exposure is one image.
     pattern : directions and heights, recognised from the exposures.
     parameters, correlations : as parameters.parquet and correlations.parquet.
     verdicts : of every parameter.
     flight : of the flight.
     """
 
+    exposures: int
     images: int
     strips: int
     points: int
@@ -123,6 +124,8 @@ def plan_calibration(
     proposals: list[Proposal] = []
     if propose and not here.accepted:
         names = {item.parameter for item in here.quantities}
+        if network.joined_heads:  # converging heads may determine their focal lengths at a single height
+            names -= {"focal_length"}
         for addition in additions(network, request.limits.height_ratio):
             wider = extended(network, addition.strips, addition.control)
             if addition.groups and pattern_reasons(names, _pattern(wider), request.limits):
@@ -143,6 +146,7 @@ def _expectation(network: PlannedNetwork, request: PlanRequest) -> Expectation:
     verdicts = parameter_verdicts(parameters, correlations, pattern, request.limits)
     return Expectation(
         len(network.exposures),
+        len(network.event_of_image),
         len(network.strips),
         len(network.object_point),
         len(network.rays.image),
@@ -151,7 +155,7 @@ def _expectation(network: PlannedNetwork, request: PlanRequest) -> Expectation:
         parameters,
         correlations,
         verdicts,
-        flight_verdict(parameters, verdicts, pattern, request.limits),
+        flight_verdict(parameters, verdicts, pattern, request.limits, heads=network.joined_heads),
     )
 
 

@@ -24,6 +24,7 @@ def plan_json(plan: CalibrationPlan) -> JSON:
         "strip_bias_m": plan.request.strip_bias_m,
         "limits": plan.request.limits.model_dump(mode="json"),
         "network": {
+            "exposures": here.exposures,
             "images": here.images,
             "strips": here.strips,
             "object_points": here.points,
@@ -33,8 +34,8 @@ def plan_json(plan: CalibrationPlan) -> JSON:
         "pattern": _pattern(here),
         "parameters": [_parameter(item, here) for item in here.quantities],
         "correlations": _correlations(here),
-        "cheapest": None if cheapest is None else _proposal(cheapest),
-        "proposals": [_proposal(proposal) for proposal in plan.proposals],
+        "cheapest": None if cheapest is None else _proposal(cheapest, here),
+        "proposals": [_proposal(proposal, here) for proposal in plan.proposals],
     }
 
 
@@ -85,10 +86,10 @@ def _correlations(here: Expectation) -> JSON:
     ]
 
 
-def _proposal(proposal: Proposal) -> JSON:
+def _proposal(proposal: Proposal, here: Expectation) -> JSON:
     expectation = proposal.expectation
     return {
-        "addition": addition_json(proposal.addition),
+        "addition": addition_json(proposal.addition, expectation.images - here.images),
         "verdict": expectation.flight.verdict,
         "reasons": list(expectation.flight.reasons),
         "worst": {

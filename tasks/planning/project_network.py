@@ -14,8 +14,10 @@ from adjust.planning.network import (
     PlannedNetwork,
     PlannedRays,
 )
+from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET
 from tasks.block.approximation import USED
 from tasks.block.block_input import SurveyedPoints, image_point_observations, surveyed_points
+from tasks.block.exposure_events import exposure_events
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.oriented_images import oriented_images
 from tasks.block.self_calibration import image_format_of
@@ -70,6 +72,8 @@ def network_of_project(
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     names = tuple(start["point"])
     rays, _ = image_point_observations(measured, given.image, names, given.camera)
+    events = exposure_events(given)
+    rig, of_events = (None, given) if events is None else (events.rig, events.given)
     surveyed = surveyed_points(read_table(control_points), map_frame, frame, near=approximate)
     mountings = given.mountings
     rows = camera_table.set_index("camera").loc[list(mountings.names)].reset_index().to_dict("records")
@@ -80,14 +84,22 @@ def network_of_project(
         mountings.cameras,
         given.flights,
         given.strips,
-        _exposures(given, adjustment),
+        _exposures(of_events, adjustment),
         x_in_local,
         PlannedRays(rays.image, rays.point, rays.sigma),
         _control(names, surveyed, "control" in adjustment.observe),
-        {INTERIOR_ORIENTATION: interior, BORESIGHT: mountings.boresight, LEVER_ARM: mountings.lever_arm},
+        {
+            INTERIOR_ORIENTATION: interior,
+            BORESIGHT: mountings.boresight,
+            LEVER_ARM: mountings.lever_arm,
+            RELATIVE_POSITION: mountings.relative_position,
+            RELATIVE_ROTATION: mountings.relative_rotation,
+            SYNCHRONISATION_OFFSET: mountings.synchronisation_offset,
+        },
         tuple(image_format_of(row, turn) for row, turn in zip(rows, turns, strict=True)),
         turns,
         _distances(names, read_table(distances)),
+        rig,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from adjust.camera.additional.selection import NOTHING
 from adjust.planning.a_priori import CalibrationModel, PlannedAdditional
 from adjust.planning.network import PlannedNetwork
+from tasks.block.block_input import refuse_heads
 from tasks.block.observation_types import prior_sigmas
 from tasks.block.self_calibration import CalibratedImages, additional_parameters_of, self_calibration_of
 from tasks.quantities import KINDS
@@ -28,6 +29,9 @@ WEAK_PRIORS = Priors(
     ins_strip_bias_deg=(5.7, 5.7, 5.7),
     ins_drift_deg_s=(1.0, 1.0, 1.0),
     time_offset_s=1.0,
+    relative_position_m=(1.0, 1.0, 1.0),
+    relative_rotation_deg=(5.7, 5.7, 5.7),
+    synchronisation_offset_s=1.0,
 )
 #: The same for additional parameters: their largest effect in the image, µm.
 WEAK_EFFECT_UM = 1000.0
@@ -96,8 +100,10 @@ class PlanRequest:
         Raises
         ------
         InputError
-            If a camera cannot have the additional parameters.
+            If a camera cannot have the additional parameters, or mountings of heads are free without a rig.
         """
+        if network.rig is None:
+            refuse_heads(KINDS[name] for name in self.estimated)
         free: dict[str, tuple[int, ...]] = {}
         for name in self.estimated:
             kind = KINDS[name]
@@ -124,8 +130,8 @@ class PlanRequest:
                 cameras, network.formats, network.calibration_axes_deg, strict=True
             )
         ]
-        exposures = network.exposures
-        images = CalibratedImages(cameras, exposures.camera, network.flights, exposures.flight)
+        flight = network.exposures.flight[network.event_of_image]
+        images = CalibratedImages(cameras, network.camera_of_image, network.flights, flight)
         found = self_calibration_of(images, of_camera, [{}] * len(cameras), settings)
         return PlannedAdditional(
             found.model, found.parameters, found.prior(settings.sigma_um or WEAK_EFFECT_UM)

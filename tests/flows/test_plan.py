@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from flows.command.plan_execution import PlanOptions, execute_plan
+from flows.runs.project_run import RunRequest, carry_out
+from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.project_plan import plan_of_project, plan_of_specification
 from tasks.errors import InputError, NotComputableError
 from tasks.planning.free_names import free_from_text, selection_from_text
@@ -187,7 +190,7 @@ def test_the_cheapest_addition_is_computed_and_suffices(number: int) -> None:
     assert all(not item.expectation.accepted for item in plan.proposals[:-1])
     costs = [item.addition.cost for item in plan.proposals]
     assert costs == sorted(costs)
-    assert 0 < cheapest.addition.images < plan.expectation.images
+    assert 0 < cheapest.addition.exposures < plan.expectation.images
     kinds = {group.what for group in cheapest.addition.groups}
     assert ("height" in kinds) == (number < 5)
 
@@ -325,11 +328,66 @@ def test_a_flight_without_overlap_is_not_computable_or_wrong_input() -> None:
         planned(1, overrides=("flight.0.base_m=5000", "flight.0.spacing_m=9000"))
 
 
-def test_a_rig_is_refused_with_what_gives_its_standard_deviations(tmp_path: Path) -> None:
-    changes = ("points.count=100",)
-    with pytest.raises(InputError, match="penta has a rig of several heads") as refused:
-        plan_of_specification("penta", changes)
-    assert "aerocal calibrate" in refused.value.remedy
-    simulate_project(load_simulation("penta", changes), tmp_path)
-    with pytest.raises(InputError, match="plans are of single cameras"):
-        plan_of_project(str(tmp_path / "project.toml"))
+def of_heads(table: pd.DataFrame) -> pd.Series:
+    """σ by parameter and entity, of what is estimated."""
+    return table.set_index(["parameter", "entity"])["sigma"].dropna()
+
+
+@pytest.mark.parametrize(
+    ("preset", "parameters"),
+    [("penta", 5 * 3 + 3 + 3 + 4 * 3 + 4), ("dmc-heads", 4 * 3)],
+)
+def test_a_rig_is_planned_as_its_adjustment_determines_it(
+    tmp_path: Path, preset: str, parameters: int
+) -> None:
+    """The specification, the project simulated from it, and an adjustment of this project."""
+    simulation = load_simulation(preset, ("points.count=300",), 3)
+    project = simulate_project(simulation, tmp_path / "flight").project_file
+    before = sorted(project.parent.rglob("*"))
+    planned = plan_of_specification(preset, ("points.count=300", "seed=3"), propose=False)
+    of_files = plan_of_project(str(project), propose=False)
+    assert sorted(project.parent.rglob("*")) == before
+    free = ",".join(f'"{name}"' for name in planned.request.free)
+    overrides = (f"adjustment.free=[{free}]", 'adjustment.sigma0="a_priori"')
+    found = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out", overrides))
+    assert found.error is None, found.error
+    adjusted = of_heads(pd.read_parquet(found.directory / "parameters.parquet"))
+    assert len(adjusted) == parameters
+    for plan in (planned, of_files):
+        sigma = of_heads(plan.expectation.parameters)
+        assert set(sigma.index) == set(adjusted.index)
+        np.testing.assert_allclose(sigma[adjusted.index], adjusted, rtol=0.02)
+    heads = 5 if preset == "penta" else 4
+    for expectation in (planned.expectation, of_files.expectation):
+        assert expectation.images == heads * expectation.exposures
+        assert len(expectation.pattern.directions) == 2
+
+
+def test_focal_lengths_of_converging_heads_need_no_second_height(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert execute_plan(options("penta"), as_json=False) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "penta: accepted" in shown
+    assert "exposures of the rig 60" in shown
+    assert "from heads that look in different directions" in shown
+
+
+def test_additional_exposures_of_a_rig_are_proposed_with_all_heads(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The boresight in yaw is 7 % worse than its limit: σ falls with the number of exposures."""
+    overrides = ("points.count=200", "noise.ins_deg=[0.003,0.003,0.0083]")
+    assert execute_plan(options("penta", overrides=overrides), as_json=True) == 4
+    found = json.loads(capsys.readouterr().out)
+    cheapest = found["cheapest"]
+    assert found["network"]["images"] == 5 * found["network"]["exposures"] == 300
+    assert cheapest["verdict"] == "accepted"
+    assert cheapest["addition"]["images"] == 5 * cheapest["addition"]["exposures"] > 0
+    # The heads converge: whether there is a second height, σ alone decides.
+    assert found["proposals"][0]["addition"]["exposures"] == 0
+
+
+def test_mountings_of_heads_without_a_rig_are_refused() -> None:
+    with pytest.raises(InputError, match="no camera is a head"):
+        planned(7, free=("boresight", "relative_rotation"))

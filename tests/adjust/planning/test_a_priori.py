@@ -14,8 +14,10 @@ from adjust.observations.base import StochasticModel
 from adjust.observations.distance import Distances
 from adjust.parameters import (
     BORESIGHT,
+    FAMILIES,
     GNSS_SHIFT,
     GNSS_STRIP_BIAS,
+    INS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
     TIME_OFFSET,
@@ -23,6 +25,7 @@ from adjust.parameters import (
 from adjust.planning.a_priori import APriori, CalibrationModel, a_priori_covariance
 from adjust.planning.network import PlannedDistances, PlannedNetwork
 from adjust.planning.simulated_network import simulated_network
+from adjust.rig import RELATIVE_ROTATION, SYNCHRONISATION_OFFSET
 from adjust.simulate.block import simulate_block
 from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
 from adjust.simulate.noise import NoiseSpecification
@@ -31,6 +34,7 @@ from adjust.simulate.survey import SurveyLayout
 from adjust.simulate.system import SystemSpecification
 from adjust.simulate.trajectory import FlightVariation
 from adjust.simulate.truth import BlockSpecification
+from tests.adjust.rig_flights import dmc, penta
 from tests.adjust.simulate.specifications import HEIGHT, small_specification, without_noise
 
 ALL = (0, 1, 2)
@@ -101,6 +105,46 @@ def test_they_are_the_cofactors_of_the_adjustment_of_the_same_block(distances: b
         adjusted.cofactor.reduced.corner / np.outer(scale, scale),
         atol=1e-6,
     )
+
+
+@pytest.mark.parametrize(
+    ("specification", "families"),
+    [
+        pytest.param(
+            penta(lines=3, exposures=6, points=300, late=2e-3),
+            (INTERIOR_ORIENTATION, BORESIGHT, GNSS_SHIFT, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET),
+            id="penta",
+        ),
+        pytest.param(dmc(points=400), (RELATIVE_ROTATION, LEVER_ARM), id="platform"),
+    ],
+)
+def test_those_of_a_rig_are_the_cofactors_of_the_adjustment_of_its_block(
+    specification: BlockSpecification, families: tuple[str, ...]
+) -> None:
+    simulated = simulate_block(without_noise(specification))
+    block = simulated.block(families)
+    adjusted = adjust_block(block, simulated.observations(block))
+    free = {family: tuple(range(len(FAMILIES[family].components))) for family in families}
+    expected = a_priori_covariance(simulated_network(simulated.specification), CalibrationModel(free, {}))
+    assert expected.names == adjusted.layout.border_names()
+    scale = expected.sigma
+    np.testing.assert_allclose(
+        expected.cofactor / np.outer(scale, scale),
+        adjusted.cofactor.reduced.corner / np.outer(scale, scale),
+        atol=1e-6,
+    )
+
+
+def test_biases_of_the_attitudes_of_the_strips_are_in_the_boresight() -> None:
+    """Orientations known: σ of a mean over strips with a bias each."""
+    bias = 2e-4
+    noise = NoiseSpecification(1e-9, (1e-5, 1e-5, 1e-5), (0.05, 0.05, 0.08), (5e-5, 6e-5, 1.4e-4))
+    network = simulated_network(specification(noise=noise, survey=(SurveyLayout("grid", columns=8, rows=8),)))
+    model = CalibrationModel({BORESIGHT: ALL, INS_STRIP_BIAS: ALL}, {INS_STRIP_BIAS: np.full(3, bias)})
+    found, count = sigma_of(a_priori_covariance(network, model)), np.bincount(network.exposures.strip)
+    for name, sigma in zip(("roll", "pitch", "yaw"), noise.ins, strict=True):
+        weight = np.sum(1.0 / (bias**2 + sigma**2 / count))
+        assert found[f"boresight_{name}"] == pytest.approx(1.0 / np.sqrt(weight), rel=2e-3)
 
 
 def system_values(simulated: object, family: str) -> np.ndarray:

@@ -15,9 +15,11 @@ from adjust.planning.additions import Addition, additions
 from adjust.planning.extension import AddedStrip, extended
 from adjust.planning.network import PlannedNetwork
 from adjust.planning.simulated_network import simulated_network
+from adjust.rig import RELATIVE_ROTATION
 from adjust.simulate.flight_plan import LineGroup, LinePattern, base_of, sides_along_and_across, spacing_of
 from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.trajectory import FlightVariation
+from tests.adjust.rig_flights import penta
 from tests.adjust.simulate.specifications import CAMERA, small_specification
 
 ALL = (0, 1, 2)
@@ -66,7 +68,7 @@ def ground(strips: tuple[AddedStrip, ...]) -> Floats:
 def test_the_same_lines_flown_back_are_what_a_plan_with_both_directions_gives() -> None:
     single, both = lines("single"), lines("both")
     (back,) = of_kind(additions(single, 2.0), "back")
-    assert back.images == LINES * EXPOSURES
+    assert back.exposures == LINES * EXPOSURES
     extra, planned = sigma(extended(single, back.strips)), sigma(both)
     # Focal length and the shift in height hang on the relief alone: other tie points, other values.
     fragile = np.array([0, 8])
@@ -102,6 +104,33 @@ def test_proposed_lines_cover_the_ground_of_those_that_are_there() -> None:
         assert np.all(area[0] - covered[0] <= extra)
 
 
+def test_lines_of_a_rig_flown_back_are_taken_with_all_its_heads() -> None:
+    """They determine as much as those of a plan with both directions."""
+
+    def flown(pattern: LinePattern) -> PlannedNetwork:
+        given = penta(lines=3, exposures=6, points=300)
+        level = FlightVariation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        groups = tuple(replace(group, pattern=pattern) for group in given.flight)
+        return simulated_network(replace(given, flight=groups, variation=level))
+
+    single, both = flown("single"), flown("both")
+    (back,) = of_kind(additions(single, 2.0), "back")
+    wider = extended(single, back.strips)
+    assert wider.rig is not None
+    assert both.rig is not None
+    assert back.exposures == 3 * 6
+    assert len(wider.event_of_image) == len(both.event_of_image) == 2 * 3 * 6 * 5
+    assert len(wider.rays.image) == pytest.approx(len(both.rays.image), rel=0.1)
+    assert wider.rig.motion is not None
+    forward, aside, down = wider.rig.motion.velocity.T
+    assert np.all(forward > 50.0)
+    np.testing.assert_allclose(np.hypot(aside, down), 0.0, atol=0.1)
+    free = {BORESIGHT: ALL, GNSS_SHIFT: ALL, RELATIVE_ROTATION: ALL}
+    extra, planned = (a_priori_covariance(network, CalibrationModel(free, {})) for network in (wider, both))
+    assert extra.names == planned.names
+    np.testing.assert_allclose(extra.sigma, planned.sigma, rtol=0.1)
+
+
 def test_a_second_height_keeps_the_ratio_and_the_ceiling() -> None:
     for height, expected in ((1000.0, {3.0, 2.1}), (3500.0, {2.1}), (6000.0, {0.5})):
         proposals = of_kind(additions(lines("single", height), 2.0), "height")
@@ -125,11 +154,11 @@ def test_directions_and_heights_of_the_extended_network_are_recognised() -> None
         turned |= any(np.ptp([strip.heading for strip in group.strips]) > 3.0 for group in item.groups)
         assert (len(pattern.directions) > 1) == turned
         assert (pattern.height_ratio > 1.5) == ("height" in kinds)
-        assert len(wider.exposures) == len(network.exposures) + item.images
+        assert len(wider.exposures) == len(network.exposures) + item.exposures
         assert len(wider.control.point) == len(network.control.point) + item.control
 
 
-def test_proposals_come_in_the_order_of_their_images_and_once() -> None:
+def test_proposals_come_in_the_order_of_their_exposures_and_once() -> None:
     proposals = additions(lines("single"), 2.0)
     costs = [item.cost for item in proposals]
     assert costs == sorted(costs)
