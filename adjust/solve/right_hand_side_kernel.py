@@ -65,6 +65,7 @@ def reduce_right_hand_sides(
         most = max(most, point_start[j + 1] - point_start[j])
     misclosure, of_point = np.zeros((most, 2)), np.zeros((most, 2, 3))
     of_exterior = np.zeros((most, 2, 6))
+    rows_of_exterior = of_exterior.reshape(2 * most, 6)
     of_system = np.zeros((most, 2, columns.shape[1]))
     rays, moved = np.zeros(2, np.int64), np.zeros(3)
     total, eliminated, sound = 0.0, 0.0, True
@@ -85,8 +86,8 @@ def reduce_right_hand_sides(
         for a in range(rays[1] - rays[0]):
             i = rays[0] + a
             add_right_hand_sides(
-                a, event[i], image[i], columns, misclosure, of_exterior.reshape(2 * most, 6), of_system,
-                of_point, moved, rhs_exposure, rhs_border,
+                a, event[i], image[i], columns, misclosure, rows_of_exterior, of_system, of_point,
+                moved, rhs_exposure, rhs_border,
             )  # fmt: skip
         for i in range(coupled_start[j], coupled_start[j + 1]):
             for k in range(3):
