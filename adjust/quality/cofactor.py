@@ -11,6 +11,7 @@ from adjust.parameters import ParameterLayout
 from adjust.quality import cofactor_kernel
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.joint_cofactor import joint_cofactors
+from adjust.solve.border_columns_kernel import TILE
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.lanes import Lane, in_any_order, lanes
@@ -62,25 +63,36 @@ def cofactor(system: System, solution: Solution) -> Cofactor:
 def with_points(system: System, solution: Solution, reduced: ReducedCofactor) -> Cofactor:
     """Cofactors of object points and image points from those of exposures and system parameters."""
     rays, state = system.observations.image_points, solution.linearization
+    columns, border, corner = system.ray_columns, *_tiled(system, reduced)
     of_points, hat = np.full((len(system.active_point), 3, 3), np.nan), np.zeros((len(rays.image), 3))
 
     def work(lane: Lane) -> None:
         cofactor_kernel.point_cofactors(
             *system.rays_of_lane(state, lane),
-            system.ray_columns.of_image,
-            *solution.normals.couplings.columns(system.layout.border),
+            columns.compact,
+            *solution.normals.couplings.columns(len(columns.border)),
             solution.normals.point_factor,
             system.pattern.row_start,
             system.pattern.column,
-            reduced.blocks,
-            reduced.border,
-            reduced.corner,
+            reduced.blocks.reshape(-1, 6),
+            border,
+            corner,
             of_points,
             hat,
         )
 
     in_any_order(work, lanes(system.point_start), system.threads)
     return Cofactor(reduced, of_points, hat, _between_joined_points(system, solution))
+
+
+def _tiled(system: System, reduced: ReducedCofactor) -> tuple[Floats, Floats]:
+    """Border (6 n, k) and corner (k, k) of the columns that object points touch, zeros up to whole tiles."""
+    touched = system.touched_columns
+    width, size = len(touched), TILE * -(-len(touched) // TILE)
+    border, corner = np.zeros((*reduced.border.shape[:2], size)), np.zeros((size, size))
+    border[:, :, :width] = reduced.border[:, :, touched]
+    corner[:width, :width] = reduced.corner[np.ix_(touched, touched)]
+    return border.reshape(6 * len(border), size), corner
 
 
 def of_other_rays(before: Cofactor, system: System, solution: Solution, points: Bools) -> Cofactor:

@@ -14,17 +14,17 @@ TILE = 4
 
 
 @small_kernel
-def open_tile(tile, touched, local, position, rows):
-    """Give a tile of the border that one point touches three rows (·, 4) of zeros, unless it has some.
+def open_tile(tile, touched, local, position, rows, height):
+    """Give a tile of the border that one point touches so many rows (·, 4) of zeros, unless it has some.
 
     local (·,) has the tiles that have rows, position (t,) the place of each tile or −1; returns how many.
     """
     if position[tile] < 0:
         position[tile] = touched
         local[touched] = tile
-        for q in range(3):
+        for q in range(height):
             for s in range(TILE):
-                rows[3 * touched + q, s] = 0.0
+                rows[height * touched + q, s] = 0.0
         touched += 1
     return touched
 
@@ -53,53 +53,4 @@ def tiles_of_ray(a, e, of_system, columns, found, tiled):
                 last = tile
             tiled[first + 2 * count - 2, column - TILE * tile] = of_system[a, 0, s]
             tiled[first + 2 * count - 1, column - TILE * tile] = of_system[a, 1, s]
-    return count
-
-
-@small_kernel
-def open_row(column, touched, local, position, rows):
-    """Give a column of the border that one point touches a row (3,) of zeros, unless it has one.
-
-    local (·,) has the columns that have a row, position (g,) the row of each column or −1; returns how many.
-    """
-    if position[column] < 0:
-        position[column] = touched
-        local[touched] = column
-        rows[touched, :] = 0.0
-        touched += 1
-    return touched
-
-
-@small_kernel
-def open_rows(a, count, found, touched, local, position, rows):
-    """The same for the columns found[a, :count] of a ray.
-
-    All of them in one call: each call counts the references to its arrays, which takes longer than the work.
-    """
-    for s in range(count):
-        column = found[a, s]
-        if position[column] < 0:
-            position[column] = touched
-            local[touched] = column
-            for q in range(rows.shape[1]):
-                rows[touched, q] = 0.0
-            touched += 1
-    return touched
-
-
-@small_kernel
-def nonzero_columns(a, e, of_system, columns, found):
-    """Free parameters of a ray with a derivative other than zero; returns how many.
-
-    e is the picture of the ray. Their derivatives move to the front of of_system[a] (2, w), their columns go
-    to found[a] (w,), in the same order. Most terms of composed images are zero outside one CCD.
-    """
-    count = 0
-    for s in range(columns.shape[1]):
-        column = columns[e, s]
-        if column >= 0 and (of_system[a, 0, s] != 0.0 or of_system[a, 1, s] != 0.0):
-            of_system[a, 0, count] = of_system[a, 0, s]
-            of_system[a, 1, count] = of_system[a, 1, s]
-            found[a, count] = column
-            count += 1
     return count

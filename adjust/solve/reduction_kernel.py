@@ -299,11 +299,11 @@ def reduce_points(
                     diagonal_border,
                 )  # fmt: skip
                 for i in range(count):
-                    touched = open_tile(found[a, i], touched, local, position, reduced_border)
+                    touched = open_tile(found[a, i], touched, local, position, reduced_border, 3)
                 add_mixed_rows(a, count, found, tiled, of_point, position, reduced_border)
         for i in range(coupled_start[j], coupled_start[j + 1]):
             t = coupled_column[i] // TILE
-            touched = open_tile(t, touched, local, position, reduced_border)
+            touched = open_tile(t, touched, local, position, reduced_border, 3)
             for q in range(3):
                 reduced_border[3 * position[t] + q, coupled_column[i] - TILE * t] += coupled_vector[i, q]
         solve_rows(reduced, 0, 6 * (rays[1] - rays[0]), lower)
