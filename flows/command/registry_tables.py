@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date
+from itertools import pairwise
 from pathlib import Path
 
 from rich.console import Console
@@ -11,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE, INPUT_ERROR, complain
-from flows.command.radiometric_tables import print_radiometric, show_radiometric
 from flows.command.registry_actions import opened
 from flows.command.registry_words import (
     as_json as json_of,
@@ -32,6 +32,7 @@ from tasks.registry.approval import predecessor
 from tasks.registry.compatibility import Compatibility, compatibility
 from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.history import Validity
+from tasks.registry.radiometric import RadiometricResult, changes
 from tasks.registry.series import ParameterSeries, series_of
 
 
@@ -203,3 +204,51 @@ def _change(series: ParameterSeries, index: int, factor: float) -> tuple[str, Te
     number = Number(change * factor, decimals_for(sigma * factor), plus=True)
     outstanding = abs(change / sigma) > LIMIT
     return str(number), Text(str(Number(change / sigma, 1, plus=True)), "bold yellow" if outstanding else "")
+
+
+def print_radiometric(results: Sequence[RadiometricResult]) -> None:
+    """A line for each result, camera by camera."""
+    console = Console()
+    for key in dict.fromkeys(one.record.camera_key for one in results):
+        own = [one for one in results if one.record.camera_key == key]
+        console.print(Text(f"\nRadiometric results of {own[-1].record.label}", "bold"))
+        table = empty_table(
+            "result", "version", "examined", "verdict", "added by", "on", right=("result", "version")
+        )
+        for one in own:
+            day = one.record.examined.isoformat() if one.record.examined is not None else "–"
+            table.add_row(str(one.id), str(one.version), day, one.record.verdict, one.person, one.at[:10])
+        console.print(table)
+
+
+def show_radiometric(results: Sequence[RadiometricResult], *, as_json: bool) -> None:
+    """The results of a camera, and the change of every quantity from one to the next."""
+    if as_json:
+        print(json_text([one.record.model_dump(mode="json") for one in results], indent=2))
+        return
+    print_radiometric(results)
+    console = Console()
+    for before, after in pairwise(results):
+        console.print(Text(f"\nFrom result {before.id} to result {after.id}", "bold"))
+        table = empty_table(
+            "quantity",
+            "band",
+            "then",
+            "now",
+            "unit",
+            "± σ",
+            "in σ",
+            right=("band", "then", "now", "± σ", "in σ"),
+        )
+        for one in changes(before.record, after.record):
+            decimals = 0 if one.quantity.startswith("defect") else decimals_for(one.sigma)
+            numbers = (Number(value, decimals) for value in (one.then, one.now))
+            table.add_row(
+                one.quantity.replace("_", " "),
+                str(one.band),
+                *map(str, numbers),
+                one.unit,
+                str(Number(one.sigma, max(decimals, 1))),
+                Text(str(Number(one.t, 1, plus=True)), "bold yellow" if one.drifted else ""),
+            )
+        console.print(table)

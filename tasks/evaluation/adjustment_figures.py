@@ -7,6 +7,7 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from adjust.observations.image_point import ImagePoints
+from adjust.parameters import Quantity
 from adjust.quality.global_test import GlobalTest
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.selection.correlation import correlation_matrix
@@ -17,9 +18,14 @@ from tasks.evaluation.surveyed_differences import (
     surveyed_differences,
 )
 from tasks.evaluation.variance_figures import correlation_figures, variance_figures
-from tasks.evaluation.weak_parameters import weak_parameters
 from tasks.files.json_text import JSON
-from tasks.results.figures import DatumFigure, FreeNetworkFigure, GlobalTestFigure, GroupFigure
+from tasks.results.figures import (
+    DatumFigure,
+    FreeNetworkFigure,
+    GlobalTestFigure,
+    GroupFigure,
+    WeakParameters,
+)
 from tasks.settings.adjustment import AdjustmentSettings
 
 
@@ -147,3 +153,53 @@ def _each_axis(table: pd.DataFrame, figure) -> list[JSON] | None:  # type: ignor
         known: Floats = table[column].dropna().to_numpy(np.float64)
         values.append(figure(known) if len(known) else None)
     return values
+
+
+# Two parameters correlated by more than this are hardly separated; it is also 1 − λ of the weakest direction.
+CORRELATED = 0.98
+# Part of a direction (unit length) from which a parameter is named.
+_INVOLVED = 0.3
+_MOST_PAIRS, _MOST_MODES = 5, 3
+
+
+def weak_parameters(parameters: tuple[Quantity, ...], correlation: Floats) -> tuple[WeakParameters, ...]:
+    """Pairs, the most correlated first, and combinations that contain none of them.
+
+    Parameters
+    ----------
+    correlation : (g, g) of the parameters.
+    """
+    if len(parameters) < 2:
+        return ()
+    pairs = _pairs(correlation)
+    explained = {frozenset(pair) for pair in pairs}
+    modes = [
+        members for members in _modes(correlation) if not any(pair <= set(members) for pair in explained)
+    ]
+    return (
+        *(_figure([parameters[a], parameters[b]], float(correlation[a, b])) for a, b in pairs),
+        *(_figure([parameters[k] for k in members]) for members in modes),
+    )
+
+
+def _figure(members: list[Quantity], correlation: float | None = None) -> WeakParameters:
+    return WeakParameters(
+        parameters=tuple(item.name for item in members),
+        entities=tuple(item.entity for item in members),
+        correlation=correlation,
+    )
+
+
+def _pairs(correlation: Floats) -> list[tuple[int, int]]:
+    """The most strongly correlated pairs, strongest first."""
+    first, second = np.triu_indices(len(correlation), 1)
+    size = np.abs(correlation[first, second])
+    order = np.argsort(-size, kind="stable")[:_MOST_PAIRS]
+    return [(int(first[k]), int(second[k])) for k in order if size[k] > CORRELATED]
+
+
+def _modes(correlation: Floats) -> list[tuple[int, ...]]:
+    """Parameters of the weakest directions of the correlation matrix, weakest direction first."""
+    values, vectors = np.linalg.eigh(correlation)
+    weak = [k for k in range(len(values)) if values[k] < 1.0 - CORRELATED][:_MOST_MODES]
+    return [tuple(int(i) for i in np.flatnonzero(np.abs(vectors[:, k]) >= _INVOLVED)) for k in weak]

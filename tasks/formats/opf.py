@@ -26,9 +26,8 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import InputError
 from tasks.formats.json_value import JsonValue
 from tasks.formats.long_columns import LongNames, table_of
-from tasks.formats.opf_captures import captures_of, projected_captures_of
+from tasks.formats.opf_captures import captures_of, opf_rigs, projected_captures_of
 from tasks.formats.opf_project import OpfProject, canonical_shift, crs_of, east_north, name_of, named
-from tasks.formats.opf_rigs import opf_rigs
 from tasks.formats.plain_records import (
     CV_AXES,
     control_of,

@@ -41,8 +41,8 @@ from tasks.formats.metashape import (
     read_metashape_exposures,
     read_metashape_markers,
     read_metashape_measurements,
+    read_metashape_opk,
 )
-from tasks.formats.metashape_text import read_metashape_opk
 from tasks.formats.micmac import (
     read_micmac_cameras,
     read_micmac_control,

@@ -2,14 +2,19 @@
 
 Rows count downwards, columns to the right, both from 0; windows are half-open ranges of them. Only formats
 whose files hold their own pixels are opened: none that names other files or addresses.
+
+rasterio, which reads and writes images by GDAL, is an extra of the installation, because its wheel has GEOS
+(LGPL).
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -18,7 +23,54 @@ from numpy.typing import NDArray
 from adjust.arrays import Bools
 from tasks.errors import InputError
 from tasks.files.delivered_file import is_there
-from tasks.image_files.library import raster_environment
+from tasks.files.installation import InstallationError
+
+# What GDAL keeps of files it has read, MB; the rest of the memory is ours.
+_CACHE_MB = 96
+
+
+def raster_library() -> ModuleType:
+    """The module rasterio.
+
+    Raises
+    ------
+    InstallationError
+        If the installation is without it.
+    """
+    try:
+        import rasterio
+        import rasterio.enums
+        import rasterio.windows
+    except ImportError as error:
+        raise InstallationError(
+            f"Images are read and written with rasterio, which cannot be loaded here ({error}).",
+            "Install aerocal with its extra: pip install 'aerocal[images]'.",
+        ) from error
+    module: ModuleType = rasterio
+    return module
+
+
+@contextmanager
+def raster_environment(threads: int = 1) -> Iterator[ModuleType]:
+    """The module with a small cache, masks inside their files, and this many threads for (de)compression.
+
+    Raises
+    ------
+    InstallationError
+        As of `raster_library`.
+    """
+    rasterio = raster_library()
+    options = {
+        "GDAL_CACHEMAX": _CACHE_MB,
+        "GDAL_NUM_THREADS": threads,
+        "GDAL_TIFF_INTERNAL_MASK": True,
+    }
+    with warnings.catch_warnings():
+        # An image as it was exposed lies nowhere on a map.
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        with rasterio.Env(**options):
+            yield rasterio
+
 
 #: GDAL's names of the formats that are opened.
 DRIVERS = ("GTiff", "JPEG", "PNG", "JP2OpenJPEG")

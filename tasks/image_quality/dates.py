@@ -1,19 +1,154 @@
-"""Compare an examination with that of an earlier date, and write what has changed."""
+"""Compare an examination with that of an earlier date, and write what has changed.
+
+Change of noise, sensitivity, read noise and defects since an earlier date, each with its σ and a test.
+
+Noise of scenes is compared at the same grey levels: the earlier one is interpolated between its levels. Of
+defects those are counted that are new and those that are gone. Where nothing has changed, a pixel near its
+limit appears as often as it goes, so that (new − gone)/√(new + gone) is a standard normal variable (McNemar
+1947); pixels that are defects at both dates say nothing about a change.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
+from adjust.arrays import Floats
+from tasks.document_kit.table import Number, decimals_for
 from tasks.errors import InputError
 from tasks.files.json_text import JSON
-from tasks.image_quality.drift import drift_remarks, drift_table
-from tasks.image_quality.sensor_drift import quality_drift_remarks, quality_drift_table
+from tasks.image_quality.drift import LIMIT, drift_remarks, drift_table
 from tasks.store.notes import Notes, write_notes
+from tasks.tables.foreign import read_foreign_table
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import EDGE_DRIFT, QUALITY_DRIFT
+from tasks.tables.schemas import (
+    DEFECT_COLUMNS,
+    DEFECT_PIXELS,
+    EDGE_DRIFT,
+    NOISE_LEVELS,
+    QUALITY_DRIFT,
+    SENSOR_SHEETS,
+    TableSchema,
+)
+
+_REMEDY = "Name the folder of results of `aerocal image-quality`."
+#: Sheets whose value has a standard deviation, and what the value is.
+_OF_SHEETS = {"sensitivity": "sensitivity", "noise": "read_noise"}
+_PLACES = {"defect_pixels": ["row", "column"], "defect_columns": ["column_start", "column_end"]}
+_SCHEMAS: tuple[TableSchema, ...] = (NOISE_LEVELS, SENSOR_SHEETS, DEFECT_PIXELS, DEFECT_COLUMNS)
+_Row = Mapping[str, object]
+
+
+def quality_drift_table(now: Mapping[str, pd.DataFrame], earlier: Path) -> pd.DataFrame:
+    """A row for each quantity of each band that there is at both dates.
+
+    Parameters
+    ----------
+    now : contents of the tables of this examination, by name.
+    earlier : folder of the earlier results.
+
+    Raises
+    ------
+    InputError
+        If a table there is none.
+    """
+    rows: list[_Row] = []
+    then = {
+        schema.name: read_foreign_table(earlier / f"{schema.name}.parquet", schema, _REMEDY)[0]
+        for schema in _SCHEMAS
+        if schema.name in now and (earlier / f"{schema.name}.parquet").is_file()
+    }
+    if "noise_levels" in then:
+        rows += _noise(now["noise_levels"], then["noise_levels"])
+    if "sensor_sheets" in then:
+        rows += _sheets(now["sensor_sheets"], then["sensor_sheets"])
+        for name, places in _PLACES.items():
+            examined = then["sensor_sheets"], now["sensor_sheets"]
+            if all(sheets["sheet"].eq("defect_pixels").any() for sheets in examined) and name in then:
+                bands = np.unique(now["sensor_sheets"]["band"])
+                rows += _defects(name, now[name], then[name], places, bands.tolist())
+    return pd.DataFrame(rows, columns=[column.name for column in QUALITY_DRIFT.columns])
+
+
+def _row(band: int, quantity: str, then: float, now: float, sigma: float) -> _Row:
+    t = (now - then) / sigma if sigma > 0.0 else float("nan")
+    return {
+        "band": band,
+        "quantity": quantity,
+        "earlier": then,
+        "value": now,
+        "change": now - then,
+        "sigma_change": sigma,
+        "t": t,
+        "drifted": bool(abs(t) > LIMIT),
+    }
+
+
+def _noise(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
+    """Weighted mean noise at those present levels that lie between the earlier ones."""
+    for band, own in now.groupby("band"):
+        before = then[then["band"] == band].sort_values("level")
+        if before.empty:
+            continue
+        level, noise, sigma = own[["level", "noise", "sigma_noise"]].to_numpy(np.float64).T
+        known, noise_then, sigma_then = before[["level", "noise", "sigma_noise"]].to_numpy(np.float64).T
+        both = (level >= known[0]) & (level <= known[-1])
+        if not both.any():
+            continue
+        there = np.interp(level[both], known, noise_then)
+        spread: Floats = np.hypot(sigma[both], np.interp(level[both], known, sigma_then))
+        weight = 1.0 / np.maximum(spread, 1e-9) ** 2
+        mean_then, mean_now = (float(np.average(one, weights=weight)) for one in (there, noise[both]))
+        yield _row(int(str(band)), "noise", mean_then, mean_now, float(1.0 / np.sqrt(np.sum(weight))))
+
+
+def _sheets(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
+    """Values with standard deviations."""
+    both = now.merge(then, on=["band", "sheet"], suffixes=("", "_then"))
+    for _, row in both[both["sheet"].isin(list(_OF_SHEETS))].iterrows():
+        sigma = float(np.hypot(row["sigma"], row["sigma_then"]))
+        yield _row(row["band"], _OF_SHEETS[row["sheet"]], row["value_then"], row["value"], sigma)
+
+
+def _defects(
+    name: str, now: pd.DataFrame, then: pd.DataFrame, places: list[str], bands: list[int]
+) -> Iterator[_Row]:
+    """Defects that are new and those that are gone."""
+    for band in bands:
+        here, there = (
+            set(map(tuple, table.loc[table["band"] == band, places].to_numpy().tolist()))
+            for table in (now, then)
+        )
+        changed = len(here - there) + len(there - here)
+        yield _row(band, name, float(len(there)), float(len(here)), float(np.sqrt(changed)))
+
+
+_WORDS = {
+    "noise": "noise of scenes at the same grey values",
+    "sensitivity": "sensitivity",
+    "read_noise": "read noise",
+    "defect_pixels": "number of defect pixels",
+    "defect_columns": "number of defect columns",
+}
+
+
+def quality_drift_remarks(drift: pd.DataFrame) -> tuple[str, ...]:
+    """A sentence about every quantity that has drifted."""
+    return tuple(_remark(row) for _, row in drift[drift["drifted"]].iterrows())
+
+
+def _remark(row: pd.Series) -> str:
+    counted = str(row["quantity"]).startswith("defect")
+    decimals = 0 if counted else decimals_for(row["sigma_change"])
+    then, now, sigma = (Number(row[name], decimals) for name in ("earlier", "value", "sigma_change"))
+    change = Number(row["change"], decimals, plus=True)
+    return (
+        f"The {_WORDS[row['quantity']]} of band {row['band']} has changed by {change}"
+        f"{'' if counted else f' ± {sigma}'} since the earlier date, from {then} to {now}."
+    )
 
 
 def write_drift(folder: Path, tables: Mapping[str, pd.DataFrame], earlier: Path) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +17,38 @@ from tasks.errors import InputError
 from tasks.files.json_text import JSON
 from tasks.image_files.image_reader import ImageDescription, described
 from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table, smear_table
-from tasks.image_quality.progress import Progress
 from tasks.image_quality.scenes import SceneQuality, examined_scene
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS, SMEARS, TableSchema
+
+_log = logging.getLogger("aerocal")
+_TENTHS = 10
+
+
+@dataclass
+class Progress:
+    """Progress of a part of a stage.
+
+    Attributes
+    ----------
+    name : of the part, e.g. the file.
+    start, share : fraction of the stage before it, and of itself, 0 to 1.
+    """
+
+    name: str
+    start: float = 0.0
+    share: float = 1.0
+    _told: int = field(default=0, init=False)
+
+    def tell(self, done: float) -> None:
+        """Report that this fraction of the part is done, if it is a tenth more than reported last."""
+        tenths = int(_TENTHS * done + 1e-9)
+        if tenths > self._told:
+            self._told = tenths
+            fraction = self.start + self.share * done
+            _log.info("%s: %.0f %%", self.name, 100.0 * done, extra={"stage_fraction": fraction})
 
 
 def examine(folder: Path, settings: ImageQualitySettings) -> None:

@@ -1,4 +1,13 @@
-"""A calibration.json as stored in a registry: checked, and in the canonical spelling of its digest."""
+"""A calibration.json as stored in a registry: checked, and in the canonical spelling of its digest.
+
+What vouches for a calibration.json: manifest and certificate next to it, or the code on its certificate.
+
+A record can be recomputed from the deliveries only. What is taken into a registry is therefore held against
+what was written together with it: the digest of the file in manifest.json, and the verification code in
+certificate.json. A file that comes alone has nothing next to it; then the code of its certificate, on
+paper or by another way than the file, must be named. Whoever can write file, manifest and certificate can
+forge all three: only `aerocal calibrate` from the deliveries, or the certificate that was signed, shows that.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +24,7 @@ from tasks.errors import InputError
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.files.json_text import JSON, from_json, json_text
 from tasks.plain_text import trouble_in_tables
-from tasks.registry.vouched import require_vouched
+from tasks.results.manifest import MANIFEST, read_manifest
 
 # One camera alone has the short name.
 _FILES = ("calibration.json", "calibration_*.json")
@@ -111,3 +120,81 @@ def _require_readable(content: JSON, file: Path) -> None:
     if found is not None:
         place, trouble = found
         raise InputError(trouble, _REMEDY, file=file, entity=".".join(map(str, place)) or None)
+
+
+# As the certificate prints it in the head of every page.
+_LEAST_DIGITS = 16
+_EDITED = "Use the unchanged folder written by `aerocal calibrate`, or calibrate again."
+
+
+def require_vouched(file: Path, sha256: str, digest: str, codes: Sequence[str]) -> None:
+    """Refuse a record that is not the one its manifest, its certificate or a named code refers to.
+
+    Parameters
+    ----------
+    file : calibration.json, or that of one camera.
+    sha256 : digest of its bytes.
+    digest : of the record, which is the verification code of its certificate.
+    codes : verification codes that were named, in any spelling, 16 digits or more.
+
+    Raises
+    ------
+    InputError
+        If one of them refers to another record, or nothing vouches for this one.
+    """
+    named = [code.lower().replace("-", "").rstrip("…") for code in codes]
+    for code, spelt in zip(named, codes, strict=True):
+        if len(code) < _LEAST_DIGITS:
+            raise InputError(
+                f"The verification code '{spelt}' has {len(code)} digits.",
+                f"Give {_LEAST_DIGITS} or all 64 of the certificate.",
+                entity="--code",
+            )
+    if named and not any(digest.startswith(code) for code in named):
+        raise InputError(
+            f"The verification code of this calibration is {digest[:_LEAST_DIGITS]}…, not one of those "
+            "given: it is a different calibration, or was changed after its certificate was written.",
+            "Compare the code with the certificate, or request the file again.",
+            file=file,
+        )
+    if not _published(file, sha256, digest) and not named:
+        raise InputError(
+            "This calibration is not in a results folder, so its origin cannot be verified.",
+            "Name the folder with manifest.json, or give the verification code of its certificate: --code.",
+            file=file,
+        )
+
+
+def _published(file: Path, sha256: str, digest: str) -> bool:
+    """Whether a manifest next to a file refers to it; whatever it says must fit."""
+    manifest = read_manifest(file.parent)
+    entry = None
+    if manifest is not None:
+        entry = next((item for item in manifest.artifacts.values() if item.file == file.name), None)
+    if entry is None:
+        return False
+    if entry.sha256 != sha256:
+        raise InputError(
+            f"This is not the file that was published: {MANIFEST} has the digest {entry.sha256[:12]}…, the "
+            f"file {sha256[:12]}….",
+            _EDITED,
+            file=file,
+        )
+    certificate = file.with_name(file.name.replace("calibration", "certificate", 1))
+    code = _code(certificate) if certificate.exists() else digest
+    if code != digest:
+        raise InputError(
+            f"The certificate next to it has the verification code {code[:_LEAST_DIGITS]}…, but this has "
+            f"{digest[:_LEAST_DIGITS]}….",
+            _EDITED,
+            file=file,
+        )
+    return True
+
+
+def _code(certificate: Path) -> str:
+    try:
+        content = from_json(read_delivered(certificate.resolve(), "document"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"This is not a certificate ({error}).", _EDITED, file=certificate) from error
+    return str(content.get("code")) if isinstance(content, dict) else ""

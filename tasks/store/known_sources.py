@@ -4,6 +4,8 @@ To follow the imports of a stage takes about a second, to look at the files ten 
 remembered applies to one listing of all folders of this application: names, sizes, numbers, times of
 modification and of status change. The system alone sets the last, so a file that came with an old date is
 seen as well. The listing is compared as a whole, because a new file may be what an import means from now on.
+
+The installed extensions have digests of their own sources: results depend on them as on libraries.
 """
 
 from __future__ import annotations
@@ -12,15 +14,55 @@ import contextlib
 import hashlib
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import platformdirs
 
+from adjust.errors import ExtensionError
+from adjust.extensions import Extension, installed_extensions
+from tasks.errors import InputError
 from tasks.files.json_text import read_json, replace_json
 from tasks.store.source_digest import PACKAGES, ROOT, digest_behind, source_of
+
+
+def extension_versions() -> Mapping[str, str]:
+    """Version and digest of the sources of every package that adds something, by its name.
+
+    Raises
+    ------
+    InputError
+        If two packages add the same.
+    """
+    try:
+        found = installed_extensions()
+    except ExtensionError as error:
+        raise InputError(str(error), "Run again after that.") from error
+    packages: dict[str, dict[str, str]] = {}
+    for extension in found:
+        packages.setdefault(f"{extension.distribution} {extension.version}", {}).update(_sources(extension))
+    return {
+        f"extension {name}": hashlib.sha256(repr(sorted(sources.items())).encode()).hexdigest()[:16]
+        for name, sources in packages.items()
+    }
+
+
+def _sources(extension: Extension) -> dict[str, str]:
+    """Digests of the Python files of the top-level package, or the module, that an extension is in."""
+    top = extension.module.partition(".")[0]
+    spec = find_spec(top)
+    if spec is None or spec.origin is None:
+        return {top: "missing"}
+    origin = Path(spec.origin)
+    files = sorted(origin.parent.rglob("*.py")) if spec.submodule_search_locations else [origin]
+    return {
+        f"{top}/{file.relative_to(origin.parent).as_posix()}": hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in files
+    }
+
 
 #: Names another folder for what is remembered.
 SOURCES_VARIABLE = "AEROCAL_SOURCES_CACHE"

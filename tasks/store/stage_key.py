@@ -21,8 +21,7 @@ from tasks.errors import InputError
 from tasks.files.delivered_file import changed, digest_of_delivered, is_there
 from tasks.files.json_text import JSON, json_text
 from tasks.store.artifact import Artifact
-from tasks.store.extension_sources import extension_versions
-from tasks.store.known_sources import known_digest_of_sources
+from tasks.store.known_sources import extension_versions, known_digest_of_sources
 
 LIBRARIES = ("numpy", "scipy", "numba", "pyarrow", "pandas", "pyproj")
 

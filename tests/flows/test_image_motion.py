@@ -12,7 +12,7 @@ import pytest
 from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.image_quality.edge_model import edge_values
-from tasks.image_files.library import raster_environment
+from tasks.image_files.image_reader import raster_environment
 from tests.adjust.image_quality.synthetic_edges import unit_edge
 from tests.command_line import aerocal
 

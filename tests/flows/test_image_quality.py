@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from tasks.image_files.library import raster_environment
+from tasks.image_files.image_reader import raster_environment
 from tasks.image_quality.scenes import examined_scene
 from tests.adjust.image_quality.synthetic_edges import scene
 from tests.command_line import aerocal

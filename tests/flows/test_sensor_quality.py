@@ -15,7 +15,7 @@ import pytest
 
 from adjust.arrays import Floats
 from tasks.files.json_text import json_text
-from tasks.image_files.library import raster_environment
+from tasks.image_files.image_reader import raster_environment
 from tests.command_line import aerocal
 
 ROWS, COLUMNS, BANDS = 400, 560, 2

@@ -9,13 +9,12 @@ from tasks.documents.certificate.content import CertificateContent
 from tasks.documents.certificate.correlation_section import correlation_section
 from tasks.documents.certificate.effect_section import effect_section
 from tasks.documents.certificate.flight_section import flight_section
-from tasks.documents.certificate.identity_section import axes_section, identity_section
+from tasks.documents.certificate.identity_section import axes_section, identity_section, rig_section
 from tasks.documents.certificate.laboratory_section import laboratory_section
 from tasks.documents.certificate.material import CertificateMaterial
 from tasks.documents.certificate.model_section import model_section
 from tasks.documents.certificate.origin_section import origin_section, verification_section
 from tasks.documents.certificate.parameter_section import parameter_section
-from tasks.documents.certificate.rig_section import rig_section
 from tasks.documents.certificate.settings_section import settings_section
 from tasks.documents.certificate.statistics_section import statistics_section
 from tasks.documents.certificate.use_section import use_section

@@ -9,8 +9,7 @@ from markupsafe import Markup
 
 from tasks.coordinates.crs import MapFrame
 from tasks.document_kit.templates import templates
-from tasks.documents.georeferencing import check_tables, parallax_plots
-from tasks.documents.georeferencing.difference_map import difference_map
+from tasks.documents.georeferencing import check_tables, plots
 from tasks.documents.georeferencing.material import CheckMaterial
 from tasks.documents.georeferencing.verdict import verdict
 from tasks.documents.report.key_figures import gate_table
@@ -54,10 +53,10 @@ def render(material: CheckMaterial, name: str, files: Sequence[str], software: M
 
 def _plots(material: CheckMaterial) -> dict[str, Markup]:
     """The plots for which there is something to show."""
-    plots = {}
+    drawn = {}
     if len(material.points):
-        plots["differences"] = difference_map(material)
+        drawn["differences"] = plots.difference_map(material)
     if material.figures.y_parallaxes:
-        plots["parallaxes"] = parallax_plots.parallax_map(material)
-        plots["histogram"] = parallax_plots.parallax_histogram(material)
-    return plots
+        drawn["parallaxes"] = plots.parallax_map(material)
+        drawn["histogram"] = plots.parallax_histogram(material)
+    return drawn

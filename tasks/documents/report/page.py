@@ -19,7 +19,6 @@ from tasks.documents.report import (
     correlations,
     datum,
     first_screen,
-    grid_iteration,
     histogram,
     image_errors,
     image_errors_plot,
@@ -168,7 +167,9 @@ def _residual_tables(material: Material, fields: Sequence[ResidualField]) -> tup
     """Figures of the residuals of each camera, and their use as corrections."""
     of_cameras = residual_field.field_table(fields, material.project.adjustment.confidence)
     iteration = material.figures.residual_grid.iteration
-    return (of_cameras,) if iteration is None else (of_cameras, grid_iteration.iteration_table(iteration))
+    return (
+        (of_cameras,) if iteration is None else (of_cameras, residual_correlation.iteration_table(iteration))
+    )
 
 
 def _field_plots(field: ResidualField) -> dict[str, Markup]:

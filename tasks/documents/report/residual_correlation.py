@@ -1,4 +1,4 @@
-"""Correlation of neighbouring residuals by their distance: what the model does not explain."""
+"""Correlation of neighbouring residuals: what the model does not explain; corrections by mean residuals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from adjust.arrays import Floats
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale
 from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.table import Column, Row, Table, numbers
 from tasks.documents.report.material import Material
+from tasks.results.figures import GridIterationFigure
 
 _TOP, _BOTTOM, _LEFT = 10.0, 250.0, 78.0
 # Fewer pairs scatter too much to be drawn.
@@ -74,3 +76,24 @@ def _line(own: pd.DataFrame, x: Scale, y: Scale, colour: str) -> Markup:
         )
     ]
     return markup.group("line", [markup.element("path", path), *marks])
+
+
+def iteration_table(iteration: GridIterationFigure) -> Table:
+    """One row for each number of corrections; the last one may have been refused."""
+    columns = (
+        Column("number", "corrections"),
+        Column("sigma0", "σ0"),
+        Column("rms_um", "RMS of the means", "µm"),
+        Column("noise_um", "by chance", "µm"),
+        Column("other_rms_um", "RMS of the means, images left out", "µm"),
+    )
+    taken = {step.number: step for step in iteration.steps}
+    tried = {step.number: step for step in iteration.cross_validation}
+    rows = []
+    for number in sorted({*taken, *tried}):
+        step, other = taken.get(number), tried.get(number)
+        own = (None, None, None) if step is None else (step.sigma0, step.rms_um, step.noise_um)
+        mean_rms = None if other is None else other.mean_rms_um
+        rows.append(Row(str(number), (*numbers((float(number),), 0), *numbers((*own, mean_rms), 3))))
+    note = f"No further correction: {iteration.stopped_because}."
+    return Table("grid-iteration", "Corrections by mean residuals", columns, tuple(rows), note)

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from adjust.image_quality.edge_measurement import MeasuredEdge
-from tasks.image_files.image_reader import opened_image
-from tasks.image_files.library import raster_environment
+from tasks.image_files.image_reader import opened_image, raster_environment
 from tasks.image_quality.scenes import examined_scene
 
 HALF, ENLARGED = 48, 3

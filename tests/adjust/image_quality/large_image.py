@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tasks.image_files.library import raster_environment
-from tasks.image_quality.progress import Progress
+from tasks.image_files.image_reader import raster_environment
+from tasks.image_quality.measurement import Progress
 from tasks.image_quality.scenes import examined_scene
 from tests.adjust.image_quality.synthetic_edges import scene
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adjust.parameters import Quantity
-from tasks.evaluation.weak_parameters import weak_parameters
+from tasks.evaluation.adjustment_figures import weak_parameters
 from tasks.remarks.weak_parameters import weak_parameter_sentences
 
 

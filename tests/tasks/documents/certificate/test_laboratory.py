@@ -15,7 +15,7 @@ from tasks.document_kit.table import Number, Row
 from tasks.documents.certificate.compose import content_of
 from tasks.documents.certificate.content import CertificateContent, Facts, Signatures
 from tasks.documents.certificate.coverage import coverage_of
-from tasks.documents.certificate.exposure_use import exposure_table
+from tasks.documents.certificate.flight_section import exposure_table
 from tasks.documents.certificate.image_axes import forward_in_image, image_axes
 from tasks.documents.certificate.limit_table import limit_table
 from tasks.documents.certificate.material import CertificateMaterial
