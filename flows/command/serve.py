@@ -2,55 +2,162 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
 from flows.command.exit_code import end_with
-from flows.command.serve_options import (
-    CronOption,
-    DatabaseOption,
-    HistoryDaysOption,
-    HostOption,
-    InboxOption,
-    KeepDaysOption,
-    LimitOption,
-    NotifyOnOption,
-    OnlyOnScheduleOption,
-    OverviewPortOption,
-    PortOption,
-    PublicOverviewUrlOption,
-    PublicUrlOption,
-    RecalibrationCronOption,
-    RegistryOption,
-    ResultsOption,
-    RootsOption,
-    StateOption,
-    StoryOption,
-    TimezoneOption,
-    WatchOption,
-)
 from flows.command.server_log import LogFormatOption, said_as
 
 
 def serve(
-    host: HostOption = "127.0.0.1",
-    port: PortOption = 4200,
-    public_url: PublicUrlOption = None,
-    public_overview_url: PublicOverviewUrlOption = None,
-    overview_port: OverviewPortOption = None,
-    database: DatabaseOption = None,
-    root: RootsOption = None,
-    inbox: InboxOption = None,
-    story: StoryOption = "aerial-triangulation",
-    watch: WatchOption = 20.0,
-    cron: CronOption = None,
-    only_on_schedule: OnlyOnScheduleOption = False,
-    timezone: TimezoneOption = "UTC",
-    registry: RegistryOption = None,
-    recalibration_cron: RecalibrationCronOption = None,
-    keep_days: KeepDaysOption = None,
-    history_days: HistoryDaysOption = 365,
-    results: ResultsOption = None,
-    limit: LimitOption = 1,
-    notify_on: NotifyOnOption = "gate,failure,recalibration",
-    state: StateOption = None,
+    host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", help="Port to listen on.", min=1, max=65535)] = 4200,
+    public_url: Annotated[
+        str | None,
+        typer.Option(
+            "--public-url",
+            metavar="URL",
+            help="Address at which browsers reach the dashboard, behind a proxy or from other machines.",
+        ),
+    ] = None,
+    public_overview_url: Annotated[
+        str | None,
+        typer.Option(
+            "--public-overview-url",
+            metavar="URL",
+            help="The same for the production page; used for links in the dashboard and in notices.",
+        ),
+    ] = None,
+    overview_port: Annotated[
+        int | None,
+        typer.Option(
+            "--overview-port",
+            help="Port of the production page.",
+            min=1,
+            max=65535,
+            show_default="--port plus one",
+        ),
+    ] = None,
+    database: Annotated[
+        str | None,
+        typer.Option(
+            "--database",
+            metavar="URL",
+            help="postgresql://USER@HOST/DATABASE of Prefect's own records; the password in PGPASSWORD.",
+            show_default="a SQLite file in the state folder",
+            envvar="AEROCAL_DATABASE",
+        ),
+    ] = None,
+    root: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--root",
+            metavar="DIR",
+            help="Folder that runs may read and write. Repeatable.",
+            show_default="the current folder",
+        ),
+    ] = None,
+    inbox: Annotated[
+        Path | None,
+        typer.Option(
+            "--inbox",
+            metavar="DIR",
+            help="Folder of deliveries, one folder each; a delivery starts when DELIVERED appears in it.",
+        ),
+    ] = None,
+    story: Annotated[
+        str, typer.Option("--story", help="Flow to run for each delivery.")
+    ] = "aerial-triangulation",
+    watch: Annotated[
+        float, typer.Option("--watch", metavar="S", help="Seconds between two checks of the inbox.", min=1.0)
+    ] = 20.0,
+    cron: Annotated[
+        str | None,
+        typer.Option("--cron", metavar='"M H D M W"', help="Schedule of a full scan of the inbox."),
+    ] = None,
+    only_on_schedule: Annotated[
+        bool,
+        typer.Option(
+            "--only-on-schedule",
+            help="Start deliveries by --cron alone, e.g. at night, not as soon as they are complete.",
+        ),
+    ] = False,
+    timezone: Annotated[str, typer.Option("--timezone", help="Time zone of all schedules.")] = "UTC",
+    registry: Annotated[
+        str | None,
+        typer.Option(
+            "--registry",
+            metavar="URL",
+            help="Registry of calibrations that runs use: a SQLite file under a --root, or "
+            "postgresql://USER@HOST/DATABASE (password in PGPASSWORD).",
+            show_default="AEROCAL_REGISTRY, otherwise none",
+        ),
+    ] = None,
+    recalibration_cron: Annotated[
+        str | None,
+        typer.Option(
+            "--recalibration-cron",
+            metavar='"M H D M W"',
+            help="Schedule of checks of the registry for calibrations that are due.",
+            show_default='"0 6 * * 1" with a registry',
+        ),
+    ] = None,
+    keep_days: Annotated[
+        int | None,
+        typer.Option(
+            "--keep-days",
+            metavar="N",
+            help="Every night, remove stored results of stages that have not been used for N days, but never "
+            "those named by a manifest (see aerocal clean).",
+            show_default="nothing is removed",
+            min=1,
+            max=36_500,
+        ),
+    ] = None,
+    history_days: Annotated[
+        int,
+        typer.Option(
+            "--history-days",
+            metavar="N",
+            help="How long the dashboard keeps finished runs.",
+            min=1,
+            max=36_500,
+        ),
+    ] = 365,
+    results: Annotated[
+        str | None,
+        typer.Option(
+            "--results",
+            metavar="s3://…",
+            help="Also keep results on object storage, below this address (endpoint, region and credentials "
+            "from the environment).",
+            show_default="next to the projects only",
+        ),
+    ] = None,
+    limit: Annotated[
+        int, typer.Option("--limit", metavar="N", help="Number of simultaneous runs.", min=1)
+    ] = 1,
+    notify_on: Annotated[
+        str,
+        typer.Option(
+            "--notify-on",
+            metavar="KINDS",
+            help="Notices to send: gate, failure, recalibration, success. They are sent to the addresses in "
+            "AEROCAL_NOTIFY, or in the file named by AEROCAL_NOTIFY_FILE.",
+        ),
+    ] = "gate,failure,recalibration",
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            "--state",
+            metavar="DIR",
+            help="Folder for state file, logs and Prefect's files.",
+            show_default="in this user's state folder",
+            envvar="AEROCAL_STATE",
+        ),
+    ] = None,
     log_format: LogFormatOption = "text",
 ) -> None:
     """Run the server: dashboard, deployments, and a runner that executes them.
