@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DEFECT, DONE, OF_STATUS
 from flows.command.progress import show_progress
+from flows.command.screen_table import figure, screen_table
 from flows.runs.batch import ProjectEnd, carry_out_batch
 from flows.runs.project_run import RunRequest, StoryName
 from flows.runs.workers import use_cluster
@@ -85,12 +84,8 @@ def _as_json(end: ProjectEnd) -> JSON:
 def _show(ends: Sequence[ProjectEnd]) -> None:
     """One line for each project; below, why some have no result."""
     console = Console()
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    table.add_column("project", overflow="fold")
-    table.add_column("state")
-    for column in ("σ0", "RMS check X", "Y", "Z m"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("gates failed", overflow="fold")
+    numbers = ("σ0", "RMS check X", "Y", "Z m")
+    table = screen_table("project", "state", *numbers, "gates failed", right=numbers)
     for end in ends:
         table.add_row(*_row(end))
     console.print(table)
@@ -107,13 +102,9 @@ def _row(end: ProjectEnd) -> tuple[str | Text, ...]:
         return (_name(end), shown, *["–"] * 4, "")
     differences = summary.rmse_check_m or (None, None, None)
     failed = ", ".join(gate.name for gate in summary.gates if not gate.passed)
-    return (_name(end), shown, *map(_number, (summary.sigma0, *differences)), failed)
+    return (_name(end), shown, *(figure(value, 3) for value in (summary.sigma0, *differences)), failed)
 
 
 def _name(end: ProjectEnd) -> str:
     file = end.request.project_file
     return file.parent.name if file.name == _PROJECT_FILE else f"{file.parent.name}/{file.name}"
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from flows.command.screen_table import figure, screen_table
 from tasks.quantities import shown
 from tasks.results.calibration_figures import CalibrationFigures
 from tasks.results.summary import Summary
@@ -35,21 +35,8 @@ def calibration_verdict(found: CalibrationFigures) -> RenderableType:
 
 def parameters_beside_limits(title: str, owner: str, value: str) -> Table:
     """An empty table of parameters with entity, value, σ, limit, unit and verdict."""
-    table = Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-    )
-    table.add_column("parameter", no_wrap=True)
-    table.add_column(owner, overflow="fold")
-    for column in (value, "± σ", "limit"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("verdict")
-    return table
+    headings = ("parameter", owner, value, "± σ", "limit", "unit", "verdict")
+    return screen_table(*headings, right=headings[2:5], whole=("parameter", "unit"), title=title)
 
 
 def _parameters(summary: Summary, found: CalibrationFigures) -> Table:
@@ -75,10 +62,10 @@ def _parameters(summary: Summary, found: CalibrationFigures) -> Table:
             Text(verdict.replace("_", " "), style=_STYLES[verdict]),
         )
     if held:
-        table.caption, table.caption_justify = f"{held} more are held at their given values", "left"
+        table.caption = f"{held} more are held at their given values"
     return table
 
 
 def written(value: float | None, factor: float, decimals: int) -> str:
     """A number in its unit; a dash where there is none."""
-    return "–" if value is None else f"{factor * value:,.{decimals}f}"
+    return figure(None if value is None else factor * value, decimals)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE, remark
+from flows.command.screen_table import screen_table
 from flows.runs.clean_up import Act, CleanedFolders, clean_up_below, megabytes
 from tasks.files.json_text import JSON, json_text
 from tasks.results.retention import CleanUp
@@ -37,10 +37,8 @@ def execute_clean_up(folders: Sequence[Path], older_than: int, act: Act, *, as_j
 
 def _table(done: CleanedFolders) -> Table:
     """One row for each folder from which something is removed."""
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    table.add_column("output folder", overflow="fold")
-    for heading in ("outputs", "leftovers", "freed", "kept"):
-        table.add_column(heading, justify="right")
+    numbers = ("outputs", "leftovers", "freed", "kept")
+    table = screen_table("output folder", *numbers, right=numbers)
     for one in done.folders:
         if one.removed or one.leftovers:
             counts = (len(one.removed), len(one.leftovers), megabytes(one.freed), len(one.kept))

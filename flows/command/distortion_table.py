@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE, remark
+from flows.command.screen_table import screen_table
 from tasks.block.converted_distortion import ConvertedDistortion, convert_distortion
 from tasks.files.json_text import json_text
 from tasks.georeferencing.registered_cameras import with_registered_cameras
@@ -39,9 +38,7 @@ def show_conversion(
 
 def _show(found: ConvertedDistortion) -> None:
     console = Console()
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for heading in ("parameter", "value", "unit"):
-        table.add_column(heading, justify="right" if heading == "value" else "left")
+    table = screen_table("parameter", "value", "unit", right=("value",))
     for name, value in found.values.items():
         table.add_row(name, f"{value:.9e}", "" if found.units[name] == "1" else found.units[name])
     console.print(table)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import cast, get_args
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE
+from flows.command.screen_table import screen_table
 from tasks.errors import InputError
 from tasks.handover.delivery import Angles
 from tasks.handover.export import Export, export_results
@@ -24,8 +23,7 @@ def list_formats() -> int:
     """List all formats and what they are for."""
     console = Console()
     for title, register in (("Block exchange", EXCHANGE), ("Result delivery", DELIVERIES)):
-        table = Table("format", "what", "usual kind", title=title, title_justify="left", title_style="bold")
-        table.box, table.show_edge, table.pad_edge = box.SIMPLE_HEAD, False, False
+        table = screen_table("format", "what", "usual kind", title=title)
         for item in register.values():
             table.add_row(item.name, item.meaning, item.world)
         console.print(table)

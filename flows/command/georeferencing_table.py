@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from rich import box
 from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from flows.command.screen_table import figure, screen_table
 from tasks.documents.georeferencing.check_figures import CheckFigures, DifferenceFigures, Triple
 from tasks.results.summary import DirectGeoreferencing
 
@@ -57,34 +57,22 @@ def georeferencing_table(found: DirectGeoreferencing, *, in_brief: bool = False)
 
 
 def _differences(figures: DifferenceFigures) -> Table:
-    table = _empty()
-    table.add_column("")
-    for way in ("east", "north", "up"):
-        table.add_column(way, justify="right", no_wrap=True)
+    ways = ("east", "north", "up")
+    table = screen_table("", *ways, right=ways)
     for name, words, decimals in _ROWS:
         values: Triple = getattr(figures, name)
         if any(values):
-            table.add_row(words, *(_number(value, decimals) for value in values))
+            table.add_row(words, *(figure(value, decimals) for value in values))
     return table
 
 
 def _parallaxes(figures: CheckFigures) -> Table:
-    table = _empty()
-    for column in ("", "found", "predicted", "from", "to (95 %)"):
-        table.add_column(column, justify="left" if not column else "right", no_wrap=True)
+    numbers = ("found", "predicted", "from", "to (95 %)")
+    table = screen_table("", *numbers, right=numbers)
     for words, names in (
         ("RMS", ("rms", "predicted_rms", "predicted_low", "predicted_high")),
         ("largest", ("max", "predicted_max", "", "predicted_max_limit")),
     ):
         values = [getattr(figures, f"y_parallax_{name}_um") if name else None for name in names]
-        table.add_row(words, *(_number(value, 1) for value in values))
+        table.add_row(words, *(figure(value, 1) for value in values))
     return table
-
-
-def _empty() -> Table:
-    """A table with a rule below its header and no frame."""
-    return Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-
-
-def _number(value: float | None, decimals: int) -> str:
-    return "–" if value is None else f"{value:,.{decimals}f}"

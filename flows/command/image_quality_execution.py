@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -14,6 +13,7 @@ from rich.text import Text
 from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.living_line import living_line
 from flows.command.progress import show_progress
+from flows.command.screen_table import figure, screen_table
 from flows.runs.examination_request import ExaminationRequest
 from flows.runs.project_run import RunOutcome, carry_out
 from flows.server.prefect_settings import prepare_prefect, server_to_report_to
@@ -73,11 +73,10 @@ def _show(summary: Summary, directory: Path) -> None:
 
 
 def _bands(figures: Mapping[str, JSON]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for column in ("band", "edges", "factor", "± σ", "MTF50 1/px", "at Nyquist", "sharpened"):
-        table.add_column(column, justify="right", no_wrap=True)
+    headings = ("band", "edges", "factor", "± σ", "MTF50 1/px", "at Nyquist", "sharpened")
+    table = screen_table(*headings, right=headings)
     for row in cast(Sequence[Mapping[str, JSON]], figures["bands"]):
-        numbers = [f"{cast(float, row[name]):.3f}" if row[name] is not None else "–" for name in _NUMBERS]
+        numbers = [figure(cast(float | None, row[name]), 3) for name in _NUMBERS]
         table.add_row(str(row["band"]), str(row["edges"]), *numbers, "yes" if row["sharpened"] else "no")
     return table
 

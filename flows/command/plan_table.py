@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich import box
 from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from flows.command.screen_table import facts_table, screen_table
 from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.planning.addition_words import addition_words
 from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
@@ -53,26 +53,25 @@ def _about_elimination(plan: CalibrationPlan) -> list[str]:
 
 
 def _network(here: Expectation, strip_bias: float) -> Table:
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    table.add_row("images, strips", f"{here.images:,}, {here.strips}")
-    if here.images > here.exposures:
-        table.add_row("exposures of the rig", f"{here.exposures:,}")
-    table.add_row("object points, image points", f"{here.points:,}, {here.rays:,}")
-    table.add_row("control points", f"{here.control}")
-    table.add_row("directions", direction_words(here.pattern))
-    table.add_row("heights", height_words(here.pattern))
     bias = f"{written_sigma(strip_bias, 'm')}" if strip_bias > 0.0 else "none (independent errors)"
-    table.add_row("GNSS error of a strip", bias)
-    return table
+    return facts_table(
+        (
+            ("images, strips", f"{here.images:,}, {here.strips}"),
+            *([("exposures of the rig", f"{here.exposures:,}")] if here.images > here.exposures else []),
+            ("object points, image points", f"{here.points:,}, {here.rays:,}"),
+            ("control points", f"{here.control}"),
+            ("directions", direction_words(here.pattern)),
+            ("heights", height_words(here.pattern)),
+            ("GNSS error of a strip", bias),
+        )
+    )
 
 
 def _quantities(here: Expectation) -> Table:
-    table = _titled("Expected standard deviations")
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("entity", overflow="fold")
-    for column in ("σ", "limit", "σ/prior"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
+    table = screen_table(
+        "parameter", "entity", "σ", "limit", "σ/prior", "verdict",
+        right=("σ", "limit", "σ/prior"), whole=("parameter", "verdict"), title="Expected standard deviations",
+    )  # fmt: skip
     units = here.parameters.set_index(["parameter", "entity"])["unit"]
     for item in here.quantities:
         unit = str(units[item.parameter, item.entity])
@@ -89,10 +88,7 @@ def _quantities(here: Expectation) -> Table:
 
 def _correlations(here: Expectation) -> Table:
     """The most strongly correlated pairs, each once."""
-    table = _titled("Strongest correlations")
-    table.add_column("of", overflow="fold")
-    table.add_column("with", overflow="fold")
-    table.add_column("", justify="right", no_wrap=True)
+    table = screen_table("of", "with", "", right=("",), title="Strongest correlations")
     pairs = {
         frozenset({str(item), str(item.strongest)}): (str(item), item.strongest)
         for item in here.quantities
@@ -112,11 +108,8 @@ def _sentences(title: str, sentences: Sequence[str], style: str) -> list[Rendera
 
 
 def _proposals(plan: CalibrationPlan) -> Table:
-    table = _titled("Additions, by number of exposures")
-    table.add_column("in addition", overflow="fold")
-    table.add_column("exposures", justify="right")
-    table.add_column("largest σ/limit", overflow="fold")
-    table.add_column("verdict")
+    headings = ("in addition", "exposures", "largest σ/limit", "verdict")
+    table = screen_table(*headings, right=("exposures",), title="Additions, by number of exposures")
     for proposal in _shown(plan):
         expectation = proposal.expectation
         table.add_row(
@@ -128,7 +121,6 @@ def _proposals(plan: CalibrationPlan) -> Table:
     left_out = len(plan.proposals) - table.row_count
     if left_out:
         table.caption = f"{left_out} more that are not sufficient are in --json"
-        table.caption_justify = "left"
     return table
 
 
@@ -151,16 +143,4 @@ def _cheapest(plan: CalibrationPlan) -> Text:
     return Text(
         f"Cheapest addition that meets the limits: {addition_words(found.addition)} ({exposures}).",
         style="bold green",
-    )
-
-
-def _titled(title: str) -> Table:
-    """An empty table with a rule below its header and no frame, for eighty columns."""
-    return Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
     )

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE, GATE_FAILED
 from flows.command.registry_actions import opened
-from flows.command.registry_words import empty_table
+from flows.command.screen_table import screen_table
 from tasks.errors import InputError
 from tasks.files.json_text import json_text
 from tasks.nearest_name import did_you_mean
@@ -74,7 +74,7 @@ def _positive(text: str, number: str) -> float:
 
 def _table(cameras: Sequence[CameraDue]) -> Table:
     """Every camera and mounting, one a row."""
-    table = empty_table(
+    table = screen_table(
         "camera", "mounting", "in force", "flown", "age [d]", "ends", "due", right=("age [d]",)
     )
     for one in cameras:

@@ -18,10 +18,10 @@ from flows.command.registry_words import (
 )
 from flows.command.registry_words import (
     calibrations_table,
-    empty_table,
     history_table,
     parameters_table,
 )
+from flows.command.screen_table import facts_table, screen_table
 from tasks.document_kit.table import Number, decimals_for
 from tasks.documents.time_series.page import write_time_series
 from tasks.documents.time_series.plot import LIMIT
@@ -143,21 +143,20 @@ def _facts(item: StoredCalibration) -> Table:
     heights = ", ".join(f"{height:.0f}" for height in flight.heights_m)
     headings = ", ".join(f"{heading:.0f}" for heading in flight.headings_deg)
     held = "valid for no flight" if item.validity is None else f"valid for flights {item.validity}"
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    for name, value in (
-        ("state", f"{item.state}, {held}"),
-        ("verdict", f"{record.verdict} by the acceptance test"),
-        ("image", f"{camera.product}, {camera.image}"),
-        ("mounting", camera.mounting),
-        ("flight", f"{flight.project}, {flight.flown or 'date not given'}"),
-        ("", f"{flight.images} images in {flight.strips} strips, {flight.control_points} control points"),
-        ("", f"heights {heights} m, headings {headings}°"),
-        ("σ0, redundancy", f"{record.sigma0:.3f}, {record.redundancy:,}"),
-        ("made from", f"{len(record.inputs)} file{'s' * (len(record.inputs) != 1)}"),
-        ("software", ", ".join(f"{name} {version}" for name, version in record.software.items())),
-    ):
-        table.add_row(name, value)
-    return table
+    return facts_table(
+        (
+            ("state", f"{item.state}, {held}"),
+            ("verdict", f"{record.verdict} by the acceptance test"),
+            ("image", f"{camera.product}, {camera.image}"),
+            ("mounting", camera.mounting),
+            ("flight", f"{flight.project}, {flight.flown or 'date not given'}"),
+            ("", f"{flight.images} images in {flight.strips} strips, {flight.control_points} control points"),
+            ("", f"heights {heights} m, headings {headings}°"),
+            ("σ0, redundancy", f"{record.sigma0:.3f}, {record.redundancy:,}"),
+            ("made from", f"{len(record.inputs)} file{'s' * (len(record.inputs) != 1)}"),
+            ("software", ", ".join(f"{name} {version}" for name, version in record.software.items())),
+        )
+    )
 
 
 def _show_camera(items: Sequence[StoredCalibration]) -> None:
@@ -168,7 +167,7 @@ def _show_camera(items: Sequence[StoredCalibration]) -> None:
     if not found:
         return
     console.print(Text("\nParameters from one calibration to the next", "bold"))
-    table = empty_table(
+    table = screen_table(
         "parameter", "ID", "flown", "value", "± σ", "unit", "change", "", "in σ",
         right=("ID", "value", "± σ", "change", "in σ"),
     )  # fmt: skip
@@ -212,7 +211,7 @@ def print_radiometric(results: Sequence[RadiometricResult]) -> None:
     for key in dict.fromkeys(one.record.camera_key for one in results):
         own = [one for one in results if one.record.camera_key == key]
         console.print(Text(f"\nRadiometric results of {own[-1].record.label}", "bold"))
-        table = empty_table(
+        table = screen_table(
             "result", "version", "examined", "verdict", "added by", "on", right=("result", "version")
         )
         for one in own:
@@ -230,7 +229,7 @@ def show_radiometric(results: Sequence[RadiometricResult], *, as_json: bool) -> 
     console = Console()
     for before, after in pairwise(results):
         console.print(Text(f"\nFrom result {before.id} to result {after.id}", "bold"))
-        table = empty_table(
+        table = screen_table(
             "quantity",
             "band",
             "then",

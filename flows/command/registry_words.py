@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
-from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from flows.command.screen_table import screen_table
 from tasks.document_kit.table import Number, decimals_for
 from tasks.files.json_text import JSON
 from tasks.quantities import quantity_words, shown
@@ -18,21 +18,9 @@ from tasks.registry.history import Validity
 _STYLES = {"draft": "yellow", "approved": "green", "superseded": "dim"}
 
 
-def empty_table(*columns: str, right: Iterable[str] = ()) -> Table:
-    """A table with a rule below its header and no frame; words are wrapped, columns of numbers are not."""
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for column in columns:
-        numeric = column in set(right)
-        # As Text, for a unit in brackets would be taken for a style.
-        table.add_column(
-            Text(column), justify="right" if numeric else "left", no_wrap=numeric, overflow="fold"
-        )
-    return table
-
-
 def changes_table(test: Compatibility) -> Table:
     """Every compared parameter with its change."""
-    table = empty_table("parameter", "change", "± σ", "", "in σ", right=("change", "± σ", "in σ"))
+    table = screen_table("parameter", "change", "± σ", "", "in σ", right=("change", "± σ", "in σ"))
     for change in test.changes:
         unit, factor, _ = shown(change.unit, "change")
         sigma = change.sigma * factor
@@ -50,7 +38,7 @@ def changes_table(test: Compatibility) -> Table:
 def calibrations_table(items: Sequence[StoredCalibration]) -> Table:
     """Calibrations of one camera and mounting, one a row."""
     heads = ("ID", "ver.", "flown", "c [mm] ± σ [µm]", "state", "flights of")
-    table = empty_table(*heads, right=("ID", "ver."))
+    table = screen_table(*heads, right=("ID", "ver."))
     for item in items:
         refused = Text(", refused", "red") if item.record.verdict == "refused" else Text()
         table.add_row(
@@ -77,7 +65,7 @@ def parameters_table(item: StoredCalibration, test: Compatibility | None) -> Tab
     """Every parameter of a calibration; those that were compared with their change."""
     changes = {} if test is None else {(change.parameter, change.head): change for change in test.changes}
     heads = ("parameter", "entity", "value", "± σ", "unit", "verdict", "change", "in σ")
-    table = empty_table(*heads, right=("value", "± σ", "change", "in σ"))
+    table = screen_table(*heads, right=("value", "± σ", "change", "in σ"))
     for one in item.record.parameters:
         decimals = 6 if one.sigma is None else decimals_for(one.sigma)
         head = "" if one.entity == item.record.camera.name else one.entity
@@ -104,7 +92,7 @@ def _days(validity: Validity | None) -> str:
 
 def history_table(item: StoredCalibration) -> Table:
     """The history of a calibration."""
-    table = empty_table("when (UTC)", "state", "flights of", "by", "note")
+    table = screen_table("when (UTC)", "state", "flights of", "by", "note")
     for event in item.events:
         words = [event.note] if event.note else []
         words += [f"although refused: {event.although}"] if event.although else []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
@@ -12,6 +11,7 @@ from rich.text import Text
 
 from flows.command.calibration_table import calibration_table
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
+from flows.command.screen_table import facts_table, figure, screen_table
 from flows.command.two_step_table import two_step_table
 from flows.runs.project_run import RunOutcome
 from tasks.files.json_text import json_text
@@ -89,19 +89,18 @@ def _problems(problems: Sequence[str]) -> RenderableType:
 
 
 def _figures(summary: Summary) -> Table:
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     counts = summary.counts
     rows = [
-        ("σ0 (a posteriori / a priori)", _number(summary.sigma0, 3)),
+        ("σ0 (a posteriori / a priori)", figure(summary.sigma0, 3)),
         ("σ0 of an image coordinate", _joined((summary.sigma0_um, 2, "µm"), (summary.sigma0_px, 3, "px"))),
-        ("redundancy", _number(summary.redundancy, 0)),
-        ("iterations", _number(summary.iterations, 0)),
-        ("images, object points", f"{_number(counts.images, 0)}, {_number(counts.object_points, 0)}"),
+        ("redundancy", figure(summary.redundancy, 0)),
+        ("iterations", figure(summary.iterations, 0)),
+        ("images, object points", f"{figure(counts.images, 0)}, {figure(counts.object_points, 0)}"),
         (
             "image points, rejected",
-            f"{_number(counts.image_points, 0)}, {_number(counts.rejected, 0)}",
+            f"{figure(counts.image_points, 0)}, {figure(counts.rejected, 0)}",
         ),
-        ("control, check points", f"{_number(counts.control, 0)}, {_number(counts.check, 0)}"),
+        ("control, check points", f"{figure(counts.control, 0)}, {figure(counts.check, 0)}"),
         ("RMS control X, Y, Z", _components(summary.rmse_control_m)),
         ("RMS check X, Y, Z", _components(summary.rmse_check_m)),
     ]
@@ -109,10 +108,8 @@ def _figures(summary: Summary) -> Table:
     if summary.distances is not None:
         found = summary.distances
         rows.append(("distances, check distances", f"{found.used}, {found.check}"))
-        rows.append(("RMS of them", f"{_number(found.rms_used_m, 5)}, {_number(found.rms_check_m, 5)} m"))
-    for name, value in rows:
-        table.add_row(name, value)
-    return table
+        rows.append(("RMS of them", f"{figure(found.rms_used_m, 5)}, {figure(found.rms_check_m, 5)} m"))
+    return facts_table(rows)
 
 
 def _checked(summary: Summary) -> list[tuple[str, str]]:
@@ -121,10 +118,10 @@ def _checked(summary: Summary) -> list[tuple[str, str]]:
     if found is None:
         return []
     limits = ", ".join(
-        "–" if low is None else f"{_number(low, 3)} to {_number(high, 3)}"
+        "–" if low is None else f"{figure(low, 3)} to {figure(high, 3)}"
         for low, high in zip(found.predicted_low_m, found.predicted_high_m, strict=True)
     )
-    means = ", ".join("–" if limit is None else f"±{_number(limit, 3)}" for limit in found.mean_limit_m)
+    means = ", ".join("–" if limit is None else f"±{figure(limit, 3)}" for limit in found.mean_limit_m)
     verdict = "within their limits" if found.passed else "beyond their limits"
     return [
         (f"  expected ({100 * found.confidence:g} %)", f"{limits} m"),
@@ -137,13 +134,10 @@ def _checked(summary: Summary) -> list[tuple[str, str]]:
 def _parameters(summary: Summary) -> Table:
     parameters = summary.parameters or ()
     estimated = [item for item in parameters if item.sigma is not None]
-    table = _titled("System parameters")
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("entity", overflow="fold")
-    for column in ("value", "± σ"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("status")
+    table = screen_table(
+        "parameter", "entity", "value", "± σ", "unit", "status",
+        right=("value", "± σ"), whole=("parameter", "unit"), title="System parameters",
+    )  # fmt: skip
     for item in estimated[:_SHOWN_PARAMETERS]:
         table.add_row(
             item.parameter,
@@ -156,45 +150,26 @@ def _parameters(summary: Summary) -> Table:
     others = len(parameters) - table.row_count
     if others:
         table.caption = f"{others} more, including those held fixed or eliminated, in parameters.parquet"
-        table.caption_justify = "left"
     return table
 
 
 def _gates(summary: Summary) -> Table:
-    table = _titled("Gates")
-    for column in ("gate", "value", "limit", ""):
-        table.add_column(column, justify="left" if column in ("gate", "") else "right")
+    table = screen_table("gate", "value", "limit", "", right=("value", "limit"), title="Gates")
     for gate in summary.gates:
         sign = "≤" if gate.bound == "max" else "≥"
         unit = "" if gate.unit == "1" else f" {gate.unit}"
         verdict = Text("passed", style="green") if gate.passed else Text("failed", style="bold red")
-        table.add_row(gate.name, f"{_number(gate.value, 3)}{unit}", f"{sign} {gate.limit:g}{unit}", verdict)
+        table.add_row(gate.name, f"{figure(gate.value, 3)}{unit}", f"{sign} {gate.limit:g}{unit}", verdict)
     return table
 
 
-def _titled(title: str) -> Table:
-    """An empty table with a rule below its header and no frame, for eighty columns."""
-    return Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-    )
-
-
-def _number(value: float | None, decimals: int) -> str:
-    return "–" if value is None else f"{value:,.{decimals}f}"
-
-
 def _joined(*items: tuple[float | None, int, str]) -> str:
-    shown = [f"{_number(value, decimals)} {unit}" for value, decimals, unit in items if value is not None]
+    shown = [f"{figure(value, decimals)} {unit}" for value, decimals, unit in items if value is not None]
     return " = ".join(shown) or "–"
 
 
 def _components(values: Sequence[float | None] | None) -> str:
-    return "–" if values is None else ", ".join(_number(value, 3) for value in values) + " m"
+    return "–" if values is None else ", ".join(figure(value, 3) for value in values) + " m"
 
 
 def _significant(value: float | None, sigma: float | None) -> str:

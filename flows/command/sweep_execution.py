@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -14,6 +13,7 @@ from rich.text import Text
 from flows.command.exit_code import OF_STATUS, complain, remark
 from flows.command.progress import show_progress
 from flows.command.result_table import where_results_are
+from flows.command.screen_table import screen_table
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.runs.workers import use_cluster
 from flows.server.prefect_settings import prepare_prefect, server_to_report_to
@@ -72,12 +72,8 @@ def _show(outcome: RunOutcome) -> None:
 
 
 def _table(rows: Sequence[Mapping[str, JSON]]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for column in ("block", "control", "variant"):
-        table.add_column(column, overflow="fold")
-    for column in ("σ0 µm", "/ first", "RMS X", "Y", "Z m"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("at the")
+    numbers = ("σ0 µm", "/ first", "RMS X", "Y", "Z m")
+    table = screen_table("block", "control", "variant", *numbers, "at the", right=numbers)
     for row in rows:
         names = [str(row[name]) for name in ("block", "control", "variant")]
         if row["status"] != "done":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -13,6 +12,7 @@ from flows.command.calibration_table import calibration_verdict
 from flows.command.exit_code import DONE, GATE_FAILED, OF_STATUS, complain
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.progress import show_progress
+from flows.command.screen_table import screen_table
 from flows.runs.project_run import RunOutcome
 from flows.stories.flight_check import flight_check
 from tasks.quantities import COMPONENTS, Shown, shown
@@ -79,24 +79,14 @@ def _published(check: PublishedCheck) -> Text:
 
 
 def _parameters(comparison: TruthComparison, source: str | None) -> Table:
-    table = Table(
-        "parameter",
-        "entity",
-        title="\nEstimates and true values",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-    )
-    for column in ("true", "estimated", "± σ"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("error/σ", justify="right", no_wrap=True)
+    table = screen_table(
+        "parameter", "entity", "true", "estimated", "± σ", "unit", "error/σ",
+        right=("true", "estimated", "± σ", "error/σ"), whole=("unit",), title="\nEstimates and true values",
+    )  # fmt: skip
     for item in comparison.parameters:
         table.add_row(item.parameter, item.entity, *_numbers(item), f"{item.t:+.2f}")
     if source is not None:
-        table.caption, table.caption_justify = f"true = {source}", "left"
+        table.caption = f"true = {source}"
     return table
 
 
@@ -120,11 +110,8 @@ def _joint(test: JointTest) -> Text:
 
 
 def _kinds(comparison: TruthComparison) -> Table:
-    table = Table("unknowns", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for column in ("number", "true RMS error", "stated σ"):
-        table.add_column(column, justify="right")
-    table.add_column("unit")
-    table.add_column("error/σ, pooled", justify="right")
+    headings = ("unknowns", "number", "true RMS error", "stated σ", "unit", "error/σ, pooled")
+    table = screen_table(*headings, right=(*headings[1:4], headings[5]))
     for item in comparison.kinds:
         digits = 5 if item.unit == "deg" else 4
         table.add_row(

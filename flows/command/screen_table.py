@@ -1,0 +1,54 @@
+"""Tables on the screen: a rule below the header and no frame, for eighty columns; numbers at the right."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+
+def screen_table(
+    *columns: str, right: Collection[str] = (), whole: Collection[str] = (), title: str = ""
+) -> Table:
+    """An empty table.
+
+    Parameters
+    ----------
+    columns : headings.
+    right : those of numbers, which stand at the right and are never wrapped.
+    whole : those of texts that are never wrapped.
+    """
+    table = Table(
+        title=title or None,
+        title_justify="left",
+        title_style="bold",
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+    )
+    for column in columns:
+        numeric = column in right
+        # As Text, for a unit in brackets would be taken for a style.
+        table.add_column(
+            Text(column),
+            justify="right" if numeric else "left",
+            no_wrap=numeric or column in whole,
+            overflow="fold",
+        )
+    return table
+
+
+def facts_table(rows: Iterable[tuple[str, str]]) -> Table:
+    """Names and their values, without header and frame."""
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    for name, value in rows:
+        table.add_row(name, value)
+    return table
+
+
+def figure(value: float | None, decimals: int) -> str:
+    """A number; a dash where there is none."""
+    return "–" if value is None else f"{value:,.{decimals}f}"
