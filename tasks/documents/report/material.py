@@ -26,9 +26,9 @@ from tasks.tables.places import places_of
 IMAGE_POINTS = "image_points"
 #: Status of residuals that were used in the adjustment.
 TOOK_PART = ("used", "uncontrolled")
-# Tables in which names repeat, and what the report shows of them.
+# Tables in which names repeat, and what report and certificate show of them.
 _LONG = {
-    "image_points": ("image", "point", "x_mm", "y_mm"),
+    "image_points": ("image", "point", "x_mm", "y_mm", "sigma_x_mm", "sigma_y_mm"),
     "residuals": (
         *("group", "image", "point", "component"),
         *("residual", "sigma", "unit", "redundancy", "standardized", "status"),

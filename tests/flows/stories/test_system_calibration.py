@@ -196,7 +196,8 @@ def test_what_a_single_direction_at_one_height_does_not_determine_is_held(tmp_pa
 
 
 def test_without_enough_control_there_is_no_second_step_and_that_is_said(tmp_path: Path) -> None:
-    project = flown(tmp_path, *SMALL, 'control=[{layout="grid",columns=2,rows=1}]')
+    fewer = ("points.count=400", "flight.0.exposures=6", "flight.1.exposures=6")
+    project = flown(tmp_path, *SMALL, *fewer, 'control=[{layout="grid",columns=2,rows=1}]')
     outcome = calibrated(project)
     assert outcome.error is None, outcome.error
     assert figures(outcome)["two_step"] is None
