@@ -10,11 +10,11 @@ factorised normal equations of the adjustment give all of them, and nothing is t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from adjust.arrays import Floats, Ints
-from adjust.errors import InconsistentBlockError
 from adjust.observations.image_point import ImagePoints
 from adjust.one_thread import one_thread
 from adjust.parameters import (
@@ -25,6 +25,7 @@ from adjust.parameters import (
 )
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
+from adjust.quality.picture_cofactor import reduced_to_pictures
 from adjust.result import AdjustmentResult
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.factorization import Factorization, ReducedCofactor
@@ -87,41 +88,62 @@ class JointSolution:
     system : with the observations that were used.
     state : adjusted values.
     factorization : of the reduced normal equations.
-    pattern : the pairs with a common object point, and those that see a common cell.
+    pattern : the pairs of events with a common object point, and those that see a common cell.
+    pictures : with a rig, the pairs of images that see a common cell; None: every image is an event.
     """
 
     system: System
     state: State
     factorization: Factorization
     pattern: Covisibility
+    pictures: Covisibility | None = None
 
     @property
     def added_pairs(self) -> int:
-        """Number of pairs of images that see a cell without a common object point."""
+        """Number of pairs of images (of a rig: events) that see a cell without a common object point."""
         return len(self.pattern.column) - len(self.system.pattern.column)
 
     def cofactor(self) -> ReducedCofactor:
-        """Cofactors of all pairs, with the columns of system parameters alone."""
+        """Cofactors of all pairs of images, with the columns of system parameters alone."""
         found, g = self.factorization.cofactor(self.pattern), self.system.layout.border
-        return replace(
+        found = replace(
             found,
             border=np.ascontiguousarray(found.border[:, :, :g]),
             corner=np.ascontiguousarray(found.corner[:g, :g]),
         )
+        if self.pictures is None:
+            return found
+        return reduced_to_pictures(self.state, self.system.layout, found, self.pictures)
 
 
 def joint_solution(result: AdjustmentResult, sight: Sight) -> JointSolution:
     """The normal equations of an adjusted block, with every pair of images that see a common cell."""
-    if result.block.rig is not None:
-        raise InconsistentBlockError("The trust map does not support rigs.")
-    system, n = result.system, len(result.block.images)
+    system, rig, n = result.system, result.block.rig, len(result.block.images)
     pattern = system.pattern
+    if rig is not None:
+        pictures = _seen_together(sight, n)
+        pairs = rig.event_of_image[pictures.row], rig.event_of_image[pictures.column]
+        return JointSolution(
+            system, result.state, result.solution.factorization, pattern.with_pairs(*pairs), pictures
+        )
     keys = np.unique(
         pairs_kernel.missing_pairs(sight.start, sight.image, pattern.row_start, pattern.column, n)
     )
     return JointSolution(
         system, result.state, result.solution.factorization, pattern.with_pairs(*np.divmod(keys, n))
     )
+
+
+def _seen_together(sight: Sight, images: int) -> Covisibility:
+    """The pairs of images that see a common cell."""
+    pattern = Covisibility(np.arange(images + 1), np.arange(images))
+    ends = np.arange(_RAYS_AT_ONCE, len(sight.image), _RAYS_AT_ONCE)
+    bounds = np.unique([0, *np.searchsorted(sight.start, ends), len(sight.start) - 1])
+    for first, last in pairwise(bounds):
+        start = sight.start[first : last + 1]
+        keys = pairs_kernel.missing_pairs(start, sight.image, pattern.row_start, pattern.column, images)
+        pattern = pattern.with_pairs(*np.divmod(np.unique(keys), images))
+    return pattern
 
 
 def cell_accuracy(
@@ -194,8 +216,8 @@ def _fill(
         cells.local_from_axes[first:last],
         (
             measured.camera_of_image,
-            state.projection_centre,
-            state.local_from_camera,
+            solution.state.pictures.projection_centre,
+            solution.state.pictures.local_from_camera,
             state.system[INTERIOR_ORIENTATION],
             slope,
             basis,

@@ -88,11 +88,12 @@ def block_errors(
     points = points[(points >= 0) & system.active_point[np.maximum(points, 0)]]
     of_orientation, of_rays = np.zeros((len(chosen), 3)), np.zeros((len(chosen), 3))
     # Cells whose images are eliminated together come together: their right-hand sides reach the same fronts.
-    order = _by_elimination(solution, sight.only(chosen))
+    events = sight.only(chosen).of_events(system.observations.image_points.event_of_image)
+    order = _by_elimination(solution, events)
     chosen = chosen[order]
     with one_thread():
         mixed = mixed_parts(system, solved, points)
-        around = images_around(sight.only(chosen), solution.pattern)
+        around = images_around(events.only(order), solution.pattern)
         rays = BlockRays.seen_from(around.image, solution, result.groups[0])
         together = max(_NUMBERS_AT_ONCE // (18 * system.layout.events), _LEAST_TOGETHER)
         for first in range(0, len(chosen), together):
@@ -109,7 +110,7 @@ def block_errors(
 
 
 def _by_elimination(solution: JointSolution, sight: Sight) -> Ints:
-    """The cells in the order in which the first of their images is eliminated."""
+    """The cells in the order in which the first of their images (of a rig: events) is eliminated."""
     rank = solution.factorization.factor.analysis.rank
     return np.argsort(np.minimum.reduceat(rank[sight.image], sight.start[:-1]), kind="stable")
 
@@ -140,8 +141,8 @@ def _adjoint(
     np.add.at(normal, cell, np.swapaxes(of_point, 1, 2) @ of_point)
     gain = np.linalg.inv(normal)[cell] @ np.swapaxes(of_point, 1, 2)
     of_exposures = np.zeros((system.layout.events, 6, d, 3))
-    by_exposure = np.swapaxes(gain @ of.pop(EXTERIOR_ORIENTATION).jacobian, 1, 2)
-    np.add.at(of_exposures.swapaxes(1, 2), (image, cell), -by_exposure)
+    of_pose = of.pop(EXTERIOR_ORIENTATION)
+    np.add.at(of_exposures.swapaxes(1, 2), (of_pose.index, cell), -np.swapaxes(gain @ of_pose.jacobian, 1, 2))
     of_border = np.zeros((d, 3, system.border))
     for term in of.values():
         own = np.zeros((len(image), 3, system.border))

@@ -46,6 +46,15 @@ class Sight:
         """(m,) number of images that see each cell."""
         return np.diff(self.start)
 
+    def of_events(self, event_of_image: Ints | None) -> Sight:
+        """Which events of a rig see which cells, each once; None: every image is an event."""
+        if event_of_image is None:
+            return self
+        cells, events = len(self.start) - 1, int(event_of_image.max()) + 1
+        cell = np.repeat(np.arange(cells), self.rays)
+        cell, event = np.divmod(np.unique(cell * events + event_of_image[self.image]), events)
+        return Sight(np.searchsorted(cell, np.arange(cells + 1)).astype(np.int64), event)
+
     def only(self, chosen: Ints) -> Sight:
         """That of some cells (k,), in their order."""
         count = self.rays[chosen]
@@ -62,5 +71,6 @@ def sight_of(block: Block, state: State, cells: GroundCells) -> Sight:
     """
     interior = state.system[INTERIOR_ORIENTATION][block.camera_of_image]
     half_format = np.array([camera.half_format for camera in block.cameras])[block.camera_of_image]
-    images = ImageGeometry(state.projection_centre, state.local_from_camera, interior, half_format)
+    pictures = state.pictures
+    images = ImageGeometry(pictures.projection_centre, pictures.local_from_camera, interior, half_format)
     return Sight(*images_of_points(images, cells.x_in_local))

@@ -35,8 +35,8 @@ class BlockRays:
     Attributes
     ----------
     start : (k + 1,) where the rays of each of the k points begin.
-    point, image : (r,) place of the point, index of the image.
-    image_start, ray_of_image : rays of each image of the block, image after image.
+    point, image : (r,) place of the point, index of the image (of a rig: of its event).
+    image_start, ray_of_image : rays of each image (event) of the block, image after image.
     of_exposure, of_point, of_border : (r, 2, 6), (r, 2, 3), (r, 2, g).
     detectable : (r, 2) smallest errors that are found, divided by σ; zero where nothing is counted.
     cofactor : (k, 3, 3) N_p⁻¹.
@@ -59,13 +59,13 @@ class BlockRays:
 
     @classmethod
     def seen_from(cls, images: Ints, solution: JointSolution, tested: GroupResult) -> BlockRays:
-        """Of the object points in some images; ``tested`` are all image points of the block."""
+        """Of the object points in some images (events); ``tested`` are all image points of the block."""
         system = solution.system
         rays, normals = system.observations.image_points, solution.factorization.normals
         wanted = np.zeros(system.layout.events, dtype=bool)
         wanted[images] = True
         there = np.zeros(system.layout.points, dtype=bool)
-        there[rays.point[wanted[rays.image] & rays.active]] = True
+        there[rays.point[wanted[rays.event] & rays.active]] = True
         points = np.flatnonzero(there)
         rows = np.flatnonzero(there[rays.point] & rays.active)
         part = rays.only(rows)
@@ -88,11 +88,11 @@ class BlockRays:
         cofactor, place = np.empty((len(points), 3, 3)), np.zeros(len(there), dtype=np.int64)
         ray_errors_kernel.cofactors_of_points(normals.point_factor, points, cofactor)
         place[points] = np.arange(len(points))
-        image_start, ray_of_image = visibility_kernel.sorted_by(part.image, system.layout.events)
+        image_start, ray_of_image = visibility_kernel.sorted_by(part.event, system.layout.events)
         return cls(
             np.append(np.searchsorted(part.point, points), len(rows)),
             place[part.point],
-            part.image,
+            part.event,
             image_start,
             ray_of_image,
             np.ascontiguousarray(of_exposure),

@@ -10,6 +10,7 @@ import numpy as np
 
 from adjust.arrays import Floats, Ints
 from adjust.observations.image_point import ImagePoints
+from adjust.rig import Rig
 from adjust.trust_map.accuracy import CellAccuracy, NewMeasurement, cell_accuracy, joint_solution
 from adjust.trust_map.block_errors import BlockErrors, block_errors
 from adjust.trust_map.cells import Sight, sight_of
@@ -44,7 +45,7 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
         return None
     result = adjusted.result
     sight = sight_of(adjusted.block, result.state, cells.ground(adjusted))
-    cells, sight = _seen(cells, sight)
+    cells, sight = _seen(cells, sight, result.block.rig)
     if not len(cells.number):
         return None
     ground = cells.ground(adjusted)
@@ -81,10 +82,9 @@ def new_sigma(adjusted: AdjustedBlock, settings: TrustMapSettings) -> float:
     return float(np.median(adjusted.result.groups[0].sigma)) * adjusted.sigma0
 
 
-def _seen(cells: MapCells, sight: Sight) -> tuple[MapCells, Sight]:
-    """The cells that at least two images see."""
-    rays = sight.rays
-    kept = rays >= 2
+def _seen(cells: MapCells, sight: Sight, rig: Rig | None) -> tuple[MapCells, Sight]:
+    """The cells that at least two images see, of a rig those of two events."""
+    kept = sight.of_events(None if rig is None else rig.event_of_image).rays >= 2
     return cells.only(kept), sight.only(np.flatnonzero(kept))
 
 

@@ -199,12 +199,6 @@ class Project(Settings):
         return self
 
     @model_validator(mode="after")
-    def _no_map_of_a_rig(self) -> Project:
-        if self.has_heads and self.trust_map is not None:
-            raise trouble("The trust map does not support rigs yet.", "Remove [trust_map], or the heads.")
-        return self
-
-    @model_validator(mode="after")
     def _gates_have_their_map(self) -> Project:
         wanted = [name for name in TRUST_MAP_GATES if getattr(self.gates, name) is not None]
         if wanted and self.trust_map is None:
