@@ -61,14 +61,7 @@ def adjusted_block(
     """
     return adjust_bundle(
         store,
-        exposures=block.exposures["exposures"],
-        cameras=block.exposures["cameras"],
-        image_points=block.image_points["image_points"],
-        control_points=block.control["control_points"],
-        distances=block.control["distances"],
-        approximate_points=block.approximate["approximate_points"],
-        approximate_boresight=block.approximate["approximate_boresight"],
-        approximate_orientations=block.approximate["approximate_orientations"],
+        **block.start,
         project=project.project,
         adjustment=project.adjustment,
         calibrated=calibrated,

@@ -21,8 +21,8 @@ approximate_block = stage(approximate.approximate_block)
 
 
 @dataclass(frozen=True)
-class PreparedBlock:
-    """Outputs of the stages up to the approximate values, in the order in which they ran.
+class ImportedBlock:
+    """Outputs of the imports.
 
     Of film images, ``image_points`` has the corrected points, and ``imported`` the notes of the import.
     """
@@ -30,33 +30,82 @@ class PreparedBlock:
     exposures: Outputs
     control: Outputs
     image_points: Outputs
-    approximate: Outputs
     imported: tuple[Outputs, ...] = ()
 
     @property
+    def tables(self) -> dict[str, Artifact]:
+        """The tables of the deliveries by their names, as the stages take them."""
+        return {
+            "exposures": self.exposures["exposures"],
+            "cameras": self.exposures["cameras"],
+            "image_points": self.image_points["image_points"],
+            "control_points": self.control["control_points"],
+            "distances": self.control["distances"],
+        }
+
+    def approximated(self, project: Project, store: Store, free: Collection[FreeParameter]) -> PreparedBlock:
+        """The block with approximate values; `free` are the parameters that will be estimated."""
+        found = approximate_block(
+            store,
+            **self.tables,
+            project=project.project,
+            checks=project.checks,
+            misaligned="boresight" in free,
+        )
+        return PreparedBlock(
+            self.exposures, self.control, self.image_points, self.imported, approximate=found
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreparedBlock(ImportedBlock):
+    """A block that can be adjusted: the imports, and its approximate values."""
+
+    approximate: Outputs
+
+    @property
     def stages(self) -> tuple[Outputs, ...]:
-        """All outputs, for publishing and for their notes."""
+        """All outputs in the order in which they were written, for publishing and for their notes."""
         return (self.exposures, self.control, *self.imported, self.image_points, self.approximate)
+
+    @property
+    def start(self) -> dict[str, Artifact]:
+        """The tables of the deliveries and of the approximate values, as the adjustment takes them."""
+        names = ("approximate_points", "approximate_boresight", "approximate_orientations")
+        return {**self.tables, **{name: self.approximate[name] for name in names}}
 
     def with_cameras(self, cameras: Artifact) -> PreparedBlock:
         """The same block with another table of cameras."""
         return replace(self, exposures={**self.exposures, "cameras": cameras})
 
 
-def film_orientations_of(
-    project: Project, store: Store, exposures: Outputs, points: Outputs
-) -> Outputs | None:
-    """Image points corrected by the fiducial marks of film images; None for digital images."""
-    if not project.inputs.fiducials:
-        return None
-    return orient_film(
+def import_block(project: Project, store: Store) -> ImportedBlock:
+    """Read exposures, control and image points; those of film are corrected by their fiducial marks."""
+    inputs = project.inputs
+    read = import_exposures(store, sources=inputs.exposures, cameras=project.cameras, project=project.project)
+    control = import_control(
+        store, sources=inputs.control, project=project.project, distances=inputs.distances
+    )
+    points = import_image_points(
         store,
-        sources=project.inputs.fiducials,
-        exposures=exposures["exposures"],
-        cameras=exposures["cameras"],
+        sources=inputs.image_points,
+        exposures=read["exposures"],
+        cameras=read["cameras"],
+        control_points=control["control_points"],
+        outside_format_share=project.checks.outside_format_share,
+        orient_without_exposure=inputs.orient_without_exposure,
+    )
+    if not inputs.fiducials:
+        return ImportedBlock(read, control, points)
+    film = orient_film(
+        store,
+        sources=inputs.fiducials,
+        exposures=read["exposures"],
+        cameras=read["cameras"],
         image_points=points["image_points"],
         given=project.cameras,
     )
+    return ImportedBlock(read, control, film, ({"notes": points["notes"]},))
 
 
 def prepare_block(
@@ -68,36 +117,5 @@ def prepare_block(
     ----------
     free : the parameters that will be estimated; None: those of the project's adjustment.
     """
-    read = import_exposures(
-        store, sources=project.inputs.exposures, cameras=project.cameras, project=project.project
-    )
-    control = import_control(
-        store,
-        sources=project.inputs.control,
-        project=project.project,
-        distances=project.inputs.distances,
-    )
-    points = import_image_points(
-        store,
-        sources=project.inputs.image_points,
-        exposures=read["exposures"],
-        cameras=read["cameras"],
-        control_points=control["control_points"],
-        outside_format_share=project.checks.outside_format_share,
-        orient_without_exposure=project.inputs.orient_without_exposure,
-    )
-    film = film_orientations_of(project, store, read, points)
-    imported = () if film is None else ({"notes": points["notes"]},)
-    points = points if film is None else film
-    approximate = approximate_block(
-        store,
-        exposures=read["exposures"],
-        cameras=read["cameras"],
-        image_points=points["image_points"],
-        control_points=control["control_points"],
-        distances=control["distances"],
-        project=project.project,
-        checks=project.checks,
-        misaligned="boresight" in (project.adjustment.free if free is None else free),
-    )
-    return PreparedBlock(read, control, points, approximate, imported)
+    estimated = project.adjustment.free if free is None else free
+    return import_block(project, store).approximated(project, store, estimated)

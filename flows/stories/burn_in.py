@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from flows.runs.stage import stage
 from flows.stories.aerial_triangulation import adjusted_block, remarks_on
-from flows.stories.block_preparation import PreparedBlock, approximate_block
+from flows.stories.block_preparation import ImportedBlock, PreparedBlock
 from tasks.settings.project import Project
 from tasks.settings.published_sweep import published_table
 from tasks.settings.self_calibration import SelfCalibrationSettings
@@ -41,28 +41,23 @@ def burn_in_protocol_of(
         store,
         parameters=calibrated["parameters"],
         correlations=calibrated["correlations"],
-        cameras=block.exposures["cameras"],
+        cameras=block.tables["cameras"],
         images=block.approximate["images"],
-        exposures=block.exposures["exposures"],
-        image_points=block.image_points["image_points"],
+        exposures=block.tables["exposures"],
+        image_points=block.tables["image_points"],
         project=project.project,
     )
     own = triangulation_of(project)
-    approximate = approximate_block(
-        store,
-        exposures=composed["exposures"],
-        cameras=composed["cameras"],
-        image_points=composed["image_points"],
-        control_points=block.control["control_points"],
-        distances=block.control["distances"],
-        project=own.project,
-        checks=own.checks,
-        misaligned=False,
-    )
-    virtual = PreparedBlock(composed, block.control, composed, approximate)
+    virtual = ImportedBlock(composed, block.control, composed).approximated(own, store, ())
     adjusted = adjusted_block(own, store, virtual)
     remarks = remarks_on(adjusted, store)
-    stages: tuple[Mapping[str, Artifact], ...] = (composed, block.control, approximate, adjusted, remarks)
+    stages: tuple[Mapping[str, Artifact], ...] = (
+        composed,
+        block.control,
+        virtual.approximate,
+        adjusted,
+        remarks,
+    )
     comparison = project.burn_in.compare_with
     protocol = write_burn_in_protocol(
         store,

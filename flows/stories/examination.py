@@ -10,13 +10,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar, cast
 
 from flows.runs.stage import stage
-from flows.stories.block_preparation import (
-    approximate_block,
-    film_orientations_of,
-    import_control,
-    import_exposures,
-    import_image_points,
-)
+from flows.stories.block_preparation import ImportedBlock, import_block
 from tasks.errors import AerocalError, InputError
 from tasks.files.json_text import JSON
 from tasks.settings.declared_line import input_table, with_declared
@@ -96,31 +90,17 @@ def examine_everything(project: Project, store: Store) -> Examination:
     imported = _imported(project, store, found)
     if imported is None:
         return found
-    project, exposures, control, points = imported
-    for name, outputs in zip(_NAMES, (exposures, control, points), strict=False):
+    project, read = imported
+    points = read.imported[0] if read.imported else read.image_points
+    for name, outputs in zip(_NAMES, (read.exposures, read.control, points), strict=False):
         found.findings.append(_finding(name, outputs))
     corrected = bool(found.mistakes)
     found.mistakes += _single_rays(points)
-    misaligned = "boresight" in project.adjustment.free
-    outcome = _attempt(
-        lambda: approximate_block(
-            store,
-            exposures=exposures["exposures"],
-            cameras=exposures["cameras"],
-            image_points=points["image_points"],
-            control_points=control["control_points"],
-            distances=control["distances"],
-            project=project.project,
-            checks=project.checks,
-            misaligned=misaligned,
-        )
-    )
+    outcome = _attempt(lambda: read.approximated(project, store, project.adjustment.free))
+    tables = {name: table for name, table in read.tables.items() if name != "distances"}
     looked = diagnose(
         store,
-        exposures=exposures["exposures"],
-        cameras=exposures["cameras"],
-        image_points=points["image_points"],
-        control_points=control["control_points"],
+        **tables,
         project=project.project,
         checks=project.checks,
         sources=project.inputs.exposures,
@@ -138,7 +118,7 @@ def examine_everything(project: Project, store: Store) -> Examination:
         if not explained:
             found.mistakes.append(_of_error(outcome))
     else:
-        found.findings.append(_finding(_NAMES[3], outcome))
+        found.findings.append(_finding(_NAMES[3], outcome.approximate))
     return found
 
 
@@ -172,42 +152,19 @@ def _single_rays(points: Outputs) -> list[ListedMistake]:
     ]
 
 
-def _imported(
-    project: Project, store: Store, found: Examination
-) -> tuple[Project, Outputs, Outputs, Outputs] | None:
-    """The three imports, with what stops them corrected or set aside; None if the rest cannot be judged."""
+def _imported(project: Project, store: Store, found: Examination) -> tuple[Project, ImportedBlock] | None:
+    """The imports, with what stops them corrected or set aside; None if the rest cannot be judged."""
     for _ in range(_MOST_CORRECTED):
-        outputs = _attempt(lambda project=project: _import(project, store))  # type: ignore[misc]
-        if not isinstance(outputs, AerocalError):
-            return (project, *outputs)
-        found.refusal = found.refusal or outputs
-        mistake, rest = _going_on(project, outputs)
+        read = _attempt(lambda project=project: import_block(project, store))  # type: ignore[misc]
+        if not isinstance(read, AerocalError):
+            return project, read
+        found.refusal = found.refusal or read
+        mistake, rest = _going_on(project, read)
         found.mistakes.append(mistake)
         if rest is None:
             return None
         project = rest
     return None
-
-
-def _import(project: Project, store: Store) -> tuple[Outputs, Outputs, Outputs]:
-    inputs = project.inputs
-    exposures = import_exposures(
-        store, sources=inputs.exposures, cameras=project.cameras, project=project.project
-    )
-    control = import_control(
-        store, sources=inputs.control, project=project.project, distances=inputs.distances
-    )
-    points = import_image_points(
-        store,
-        sources=inputs.image_points,
-        exposures=exposures["exposures"],
-        cameras=exposures["cameras"],
-        control_points=control["control_points"],
-        outside_format_share=project.checks.outside_format_share,
-        orient_without_exposure=inputs.orient_without_exposure,
-    )
-    film = film_orientations_of(project, store, exposures, points)
-    return exposures, control, points if film is None else {**points, "image_points": film["image_points"]}
 
 
 def _going_on(project: Project, error: AerocalError) -> tuple[ListedMistake, Project | None]:

@@ -44,11 +44,7 @@ def plan_of_project(
         store.begin_run()
         block = prepare_block(project, store)
         network = network_of_project(
-            exposures=block.exposures["exposures"],
-            cameras=block.exposures["cameras"],
-            image_points=block.image_points["image_points"],
-            control_points=block.control["control_points"],
-            distances=block.control["distances"],
+            **block.tables,
             approximate_points=block.approximate["approximate_points"],
             approximate_orientations=block.approximate["approximate_orientations"],
             project=project.project,

@@ -98,7 +98,7 @@ class _Case:
         name = self.scenario.block
         return {
             "images": self.block.approximate["images"],
-            "image_points": self.block.image_points["image_points"],
+            "image_points": self.block.tables["image_points"],
             "block": self.sweep.blocks[name],
             "name": name,
         }
@@ -107,8 +107,8 @@ class _Case:
         """Arguments of `assign_roles`."""
         name = self.scenario.control
         return {
-            "control_points": self.block.control["control_points"],
-            "image_points": self.block.image_points["image_points"],
+            "control_points": self.block.tables["control_points"],
+            "image_points": self.block.tables["image_points"],
             "control": self.sweep.control[name],
             "name": name,
             "project": self.project.project,
@@ -117,11 +117,9 @@ class _Case:
     def inputs(self, images: Outputs, roles: Outputs) -> dict[str, object]:
         """Common arguments of `approximate_block` and `adjust_bundle`."""
         return {
-            "exposures": self.block.exposures["exposures"],
-            "cameras": self.block.exposures["cameras"],
+            **self.block.tables,
             "image_points": images["image_points"],
             "control_points": roles["control_points"],
-            "distances": self.block.control["distances"],
             "project": self.project.project,
         }
 

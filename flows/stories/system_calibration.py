@@ -213,7 +213,7 @@ def _adjusted_on_control(one: OneStep, store: Store, block: PreparedBlock) -> Ou
     """An adjustment on control alone with the calibrated camera."""
     cameras = apply_to_cameras(
         store,
-        cameras=block.exposures["cameras"],
+        cameras=block.tables["cameras"],
         parameters=one.adjusted["parameters"],
         correlations=one.adjusted["correlations"],
     )
@@ -228,7 +228,7 @@ def described_platform(one: OneStep, store: Store, block: PreparedBlock) -> Outp
         store,
         parameters=one.adjusted["parameters"],
         correlations=one.adjusted["correlations"],
-        cameras=block.exposures["cameras"],
+        cameras=block.tables["cameras"],
         images=block.approximate["images"],
     )
 
