@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tasks.results.publish import OF_SWEEPS, PUBLISHED
-from tasks.tables.schemas import SCHEMAS, Column, TableSchema
+from tasks.tables.schemas.columns import Column, TableSchema
+from tasks.tables.schemas.register import SCHEMAS
 
 MARKER = "<!-- The rest is written by python -m docs.generate.tables from tasks/tables/schemas. -->"
 

@@ -15,8 +15,8 @@ from adjust.parameters import State
 from tasks.block.given_orientations import GivenOrientations
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, map_from_local
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.deliveries import APPROXIMATE_BORESIGHT, APPROXIMATE_POINTS, IMAGES
 
 USED = "used"
 WEAK_ANGLE = "weak_angle"
@@ -69,7 +69,7 @@ def write_points(folder: Path, found: Approximation, map_frame: MapFrame) -> Non
         x_in_map[known] = map_from_local(map_frame, found.frame, found.x_in_local[known])
     write_table(
         folder / "approximate_points.parquet",
-        schemas.APPROXIMATE_POINTS,
+        APPROXIMATE_POINTS,
         {
             "point": found.point,
             **{f"{axis}_m": x_in_map[:, k] for k, axis in enumerate("xyz")},
@@ -86,7 +86,7 @@ def write_boresight(folder: Path, given: GivenOrientations) -> None:
     angles = np.rad2deg(given.mountings.boresight)
     write_table(
         folder / "approximate_boresight.parquet",
-        schemas.APPROXIMATE_BORESIGHT,
+        APPROXIMATE_BORESIGHT,
         {
             "camera": list(given.mountings.names),
             **{f"{name}_deg": angles[:, k] for k, name in enumerate(("roll", "pitch", "yaw"))},
@@ -117,7 +117,7 @@ def write_images(folder: Path, found: Approximation, absent: pd.DataFrame) -> No
     names = given.mountings.names
     write_table(
         folder / "images.parquet",
-        schemas.IMAGES,
+        IMAGES,
         {
             "image": [*given.image, *absent["image"]],
             "camera": [*(names[i] for i in given.camera), *absent["camera"]],

@@ -21,9 +21,9 @@ from adjust.residual_grid.residual_grid import ResidualGrid
 from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
-from tasks.tables import schemas
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.residual_grid import RESIDUAL_GRID
 
 _MM = 1e-3
 _UM = 1e-6
@@ -47,7 +47,7 @@ def write_residual_grid(
     table = pd.concat(parts, ignore_index=True)
     write_table(
         folder / "residual_grid.parquet",
-        schemas.RESIDUAL_GRID,
+        RESIDUAL_GRID,
         {name: table[name].to_numpy() for name in table.columns},
     )
 
@@ -116,7 +116,7 @@ def read_corrections(
 
 def _read(file: Path) -> pd.DataFrame:
     remedy = "Name the residual_grid.parquet of a finished run."
-    return read_foreign_table(file, schemas.RESIDUAL_GRID, remedy)[0]
+    return read_foreign_table(file, RESIDUAL_GRID, remedy)[0]
 
 
 def _correction(camera: FrameCamera, tables: Sequence[tuple[Path, pd.DataFrame]]) -> CorrectionField:

@@ -22,7 +22,7 @@ from tasks.formats.register import read_cameras
 from tasks.nearest_name import did_you_mean
 from tasks.settings.cameras import REGISTRY, RIG_REGISTRY, CameraInput
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import CAMERAS
+from tasks.tables.schemas.deliveries import CAMERAS
 
 _MM = 1e-3
 _BODY = ("roll", "pitch", "yaw")

@@ -22,7 +22,7 @@ from tasks.deliveries.measured_points import (
     ranges,
 )
 from tasks.tables.geometry import GEOMETRY
-from tasks.tables.schemas import IMAGE_POINTS
+from tasks.tables.schemas.deliveries import IMAGE_POINTS
 
 _OURS = {GEOMETRY, *(column.name for column in IMAGE_POINTS.columns)}
 # Rows that are written together.

@@ -13,8 +13,8 @@ from adjust.quality.single_error import hat_matrices
 from adjust.result import GroupResult, ObservationStatus
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.results.summary import DistanceFigures
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.adjustment import DISTANCE_RESIDUALS
 
 
 def write_distance_residuals(folder: Path, adjusted: AdjustedBlock) -> pd.DataFrame:
@@ -24,11 +24,11 @@ def write_distance_residuals(folder: Path, adjusted: AdjustedBlock) -> pd.DataFr
     cofactor q of the adjusted distance, as for control and check points.
     """
     parts = [_rows(adjusted, item) for item in adjusted.result.groups if isinstance(item.group, Distances)]
-    names = [column.name for column in schemas.DISTANCE_RESIDUALS.columns]
+    names = [column.name for column in DISTANCE_RESIDUALS.columns]
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=names)
     write_table(
         folder / "distance_residuals.parquet",
-        schemas.DISTANCE_RESIDUALS,
+        DISTANCE_RESIDUALS,
         {name: table[name].to_numpy() for name in names},
     )
     return table

@@ -19,9 +19,8 @@ from adjust.parameters import GNSS_STRIP_BIAS
 from adjust.quality.parameter_influences import ParameterInfluence, parameter_influences
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import PARAMETER_INFLUENCES
+from tasks.tables.schemas.parameters import PARAMETER_INFLUENCES
 
 _KINDS = {
     GnssPositions.name: "position",
@@ -46,7 +45,7 @@ def write_parameter_influences(folder: Path, adjusted: AdjustedBlock, options: A
         rows = pd.concat(parts, ignore_index=True)
     write_table(
         folder / "parameter_influences.parquet",
-        schemas.PARAMETER_INFLUENCES,
+        PARAMETER_INFLUENCES,
         {name: rows[name].to_numpy() for name in rows.columns},
     )
 

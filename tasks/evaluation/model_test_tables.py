@@ -20,8 +20,8 @@ from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.files.json_text import JSON
 from tasks.quantities import reported_unit
 from tasks.results.figures import RestoredGroup, StripScatter
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
 
 #: Probability that any alternative of a complete model is called significant, shared among all of them.
 ERROR_PROBABILITY = 0.005
@@ -249,8 +249,8 @@ class ExaminedModel:
 def write_model_alternatives(folder: Path, examined: ExaminedModel) -> None:
     """Write both tables."""
     for schema, rows in (
-        (schemas.MODEL_ALTERNATIVES, examined.table()),
-        (schemas.MODEL_ALTERNATIVE_EFFECTS, examined.effects()),
+        (MODEL_ALTERNATIVES, examined.table()),
+        (MODEL_ALTERNATIVE_EFFECTS, examined.effects()),
     ):
         columns = {
             column.name: rows[column.name].to_numpy() if column.name in rows else np.zeros(0)

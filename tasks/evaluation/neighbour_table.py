@@ -11,9 +11,9 @@ from adjust.arrays import Floats
 from adjust.quality.picture_cofactor import cofactors_between_pictures, picture_cofactors
 from tasks.deliveries.neighbouring_images import neighbours
 from tasks.evaluation.result_tables import AdjustedBlock, axes_of_orientations, xyz_columns
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 from tasks.tables.places import places_of
+from tasks.tables.schemas.adjustment import NEIGHBOURING_IMAGES
 
 _DEGREE = float(np.rad2deg(1.0))
 _ANGLES = ("omega", "phi", "kappa")
@@ -44,7 +44,7 @@ def write_neighbouring_images(folder: Path, adjusted: AdjustedBlock, exposures: 
     names = np.array(adjusted.block.images, dtype=object)
     write_table(
         folder / "neighbouring_images.parquet",
-        schemas.NEIGHBOURING_IMAGES,
+        NEIGHBOURING_IMAGES,
         {
             "image": names[one],
             "next_image": names[other],

@@ -17,8 +17,8 @@ from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
 
 
 def parameter_table(
@@ -149,14 +149,14 @@ def write_parameters(
     table = parameter_table(adjusted, confidence, eliminated)
     write_table(
         folder / "parameters.parquet",
-        schemas.PARAMETERS,
+        PARAMETERS,
         {name: table[name].to_numpy() for name in table.columns},
     )
     names, correlations = _correlated(adjusted)
     first, second = np.triu_indices(len(names), 1)
     write_table(
         folder / "correlations.parquet",
-        schemas.CORRELATIONS,
+        CORRELATIONS,
         {
             "parameter_a": [names[i].name for i in first],
             "entity_a": [names[i].entity for i in first],

@@ -22,8 +22,8 @@ from tasks.results.figures import (
     GridStepFigure,
     ResidualGridFigure,
 )
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION
 
 _MM = 1e-3
 _UM = 1e-6
@@ -40,7 +40,7 @@ def write_residual_autocorrelation(folder: Path, cameras: tuple[FrameCamera, ...
     table = pd.concat(parts, ignore_index=True)
     write_table(
         folder / "residual_autocorrelation.parquet",
-        schemas.RESIDUAL_AUTOCORRELATION,
+        RESIDUAL_AUTOCORRELATION,
         {name: table[name].to_numpy() for name in table.columns},
     )
 

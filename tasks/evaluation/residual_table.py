@@ -23,10 +23,10 @@ from adjust.observations.distance import Distances
 from adjust.observations.image_point import ImagePoints
 from adjust.result import GroupResult, ObservationStatus
 from tasks.evaluation.result_tables import PIECE, AdjustedBlock, reported_unit_of
-from tasks.tables import schemas
 from tasks.tables.names import Names
 from tasks.tables.parquet import write_row_groups
 from tasks.tables.places import places_of
+from tasks.tables.schemas.adjustment import RESIDUALS
 
 _STATUS = {
     ObservationStatus.USED: "used",
@@ -111,7 +111,7 @@ def write_residuals(folder: Path, adjusted: AdjustedBlock, piece: int = PIECE) -
     ----------
     piece : how many observations are put into columns at once; nothing but memory depends on it.
     """
-    write_row_groups(folder / "residuals.parquet", schemas.RESIDUALS, _pieces(adjusted, piece))
+    write_row_groups(folder / "residuals.parquet", RESIDUALS, _pieces(adjusted, piece))
 
 
 def _pieces(adjusted: AdjustedBlock, piece: int) -> Iterator[Mapping[str, Any]]:

@@ -32,10 +32,10 @@ from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
-from tasks.tables import schemas
 from tasks.tables.geometry import box_around
 from tasks.tables.names import Names
 from tasks.tables.parquet import write_row_groups, write_table
+from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS, OBJECT_POINTS
 
 _DEGREE = float(np.rad2deg(1.0))
 #: Rows of a long table that are put into columns at once: some ten megabytes.
@@ -87,7 +87,7 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
     of_angles = _sigmas(axes[:, 3:, 3:], cofactor[:, 3:, 3:], adjusted.sigma0) * _DEGREE
     write_table(
         folder / "exterior_orientations.parquet",
-        schemas.EXTERIOR_ORIENTATIONS,
+        EXTERIOR_ORIENTATIONS,
         {
             "image": adjusted.block.images,
             **xyz_columns("{}_m", "xyz", x_in_map),
@@ -137,7 +137,7 @@ def write_object_points(folder: Path, adjusted: AdjustedBlock, piece: int = PIEC
     rays = adjusted.rays_used
     write_row_groups(
         folder / "object_points.parquet",
-        schemas.OBJECT_POINTS,
+        OBJECT_POINTS,
         (_object_points(adjusted, names.take(part), part, x_in_map[part], rays[part]) for part in parts),
         adjusted.map_frame,
         box_around(x_in_map[points]),

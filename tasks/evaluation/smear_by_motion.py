@@ -17,7 +17,7 @@ from tasks.deliveries.cameras import frame_cameras
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
 from tasks.settings.image_motion import MotionSettings
-from tasks.tables.schemas import SMEAR_MOTION
+from tasks.tables.schemas.image_quality import SMEAR_MOTION
 
 _RATES = ["rate_roll_deg_s", "rate_pitch_deg_s", "rate_yaw_deg_s"]
 _ATTITUDE = ["heading_deg", "pitch_deg", "roll_deg"]

@@ -14,9 +14,9 @@ from adjust.georeferencing.error_sources import CalibrationErrors
 from tasks.block.given_orientations import GivenOrientations
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
-from tasks.tables import schemas
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.two_step import STRIP_ERRORS
 
 COMPONENTS = ("roll", "pitch", "yaw", "east", "north", "up")
 _SHOWN = np.array([np.rad2deg(1.0)] * 3 + [1.0] * 3)
@@ -45,7 +45,7 @@ def write_strip_errors(
     table = pd.concat(parts, ignore_index=True)
     write_table(
         folder / "strip_errors.parquet",
-        schemas.STRIP_ERRORS,
+        STRIP_ERRORS,
         {str(name): table[name].to_numpy() for name in table.columns},
     )
 

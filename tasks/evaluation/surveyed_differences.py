@@ -14,9 +14,9 @@ from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.evaluation.result_tables import AdjustedBlock, variances, xyz_columns
 from tasks.files.json_text import JSON
 from tasks.results.figures import LeftOutFigure
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
 from tasks.tables.places import places_of
+from tasks.tables.schemas.adjustment import CHECK_POINTS, CONTROL_RESIDUALS
 
 
 def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
@@ -26,7 +26,7 @@ def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
     were not used, as a check point, because it was rejected or as it would be left out, is √(σ² + σ0² q): σ0
     is of what was adjusted, so a survey that was not stands as stated, here and everywhere.
     """
-    for is_check, schema in ((False, schemas.CONTROL_RESIDUALS), (True, schemas.CHECK_POINTS)):
+    for is_check, schema in ((False, CONTROL_RESIDUALS), (True, CHECK_POINTS)):
         table = surveyed_differences(adjusted, is_check)
         if not is_check:
             table = _with_left_out(adjusted, table)

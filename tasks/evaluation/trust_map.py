@@ -18,9 +18,9 @@ from tasks.evaluation.ground_cells import MapCells, map_cells
 from tasks.evaluation.result_tables import AdjustedBlock, xyz_columns
 from tasks.results.figures import TrustMapGrid
 from tasks.settings.trust_map import TrustMapSettings
-from tasks.tables import schemas
 from tasks.tables.geometry import box_around
 from tasks.tables.parquet import write_row_groups
+from tasks.tables.schemas.trust_map import TRUST_MAP_CELLS
 
 _XYZ = ("x", "y", "z")
 _PIECE = 50_000
@@ -95,7 +95,7 @@ def _write(
     pieces = [np.arange(first, min(first + _PIECE, m)) for first in range(0, m, _PIECE)]
     write_row_groups(
         folder / "trust_map_cells.parquet",
-        schemas.TRUST_MAP_CELLS,
+        TRUST_MAP_CELLS,
         (_columns(cells, accuracy, errors, piece) for piece in pieces),
         adjusted.map_frame,
         box_around(cells.x_in_map),

@@ -9,8 +9,8 @@ import pandas as pd
 from tasks.errors import InputError
 from tasks.registry.identity import CameraBody, differences
 from tasks.settings.direct_georeferencing import CalibrationInput
-from tasks.tables import schemas
 from tasks.tables.foreign import read_foreign_table
+from tasks.tables.schemas.deliveries import CAMERAS
 
 _REMEDY = "Name a folder with the results of `aerocal calibrate` or `aerocal adjust`; repeat older ones."
 
@@ -31,7 +31,7 @@ def refuse_other_cameras(source: CalibrationInput, cameras: pd.DataFrame) -> Non
     """
     if source.cameras is None:
         raise ValueError("the calibration is not in the results of another run")
-    table, _ = read_foreign_table(source.cameras, schemas.CAMERAS, _REMEDY, complete=True)
+    table, _ = read_foreign_table(source.cameras, CAMERAS, _REMEDY, complete=True)
     recorded = {body.name: body for body in _bodies(table)}
     for body in _bodies(cameras):
         found = list(differences(recorded[body.name], body)) if body.name in recorded else []

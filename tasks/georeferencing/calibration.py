@@ -18,9 +18,11 @@ from tasks.errors import InputError
 from tasks.quantities import entity_kind, named
 from tasks.settings.coordinates import LOCAL
 from tasks.settings.direct_georeferencing import CalibrationInput
-from tasks.tables import schemas
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
 from tasks.tables.foreign import read_foreign_table
+from tasks.tables.schemas.adjustment import CONTROL_RESIDUALS
+from tasks.tables.schemas.deliveries import CONTROL_POINTS, EXPOSURES
+from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETER_INFLUENCES, PARAMETERS
 
 _REMEDY = "Name a folder with the results of `aerocal calibrate` or `aerocal adjust`."
 # Of any parameter in these units.
@@ -177,16 +179,16 @@ def calibration_of_results(source: CalibrationInput) -> Calibration:
         or source.control_points is None
     ):
         raise ValueError("the calibration is not in the results of another run")
-    residuals, _ = read_foreign_table(source.control_residuals, schemas.CONTROL_RESIDUALS, _REMEDY)
-    surveyed, crs = read_foreign_table(source.control_points, schemas.CONTROL_POINTS, _REMEDY)
+    residuals, _ = read_foreign_table(source.control_residuals, CONTROL_RESIDUALS, _REMEDY)
+    surveyed, crs = read_foreign_table(source.control_points, CONTROL_POINTS, _REMEDY)
     control = control_of(surveyed, residuals, crs)
-    parameters, _ = read_foreign_table(source.parameters, schemas.PARAMETERS, _REMEDY)
+    parameters, _ = read_foreign_table(source.parameters, PARAMETERS, _REMEDY)
     _refuse_impossible(parameters, source.parameters)
-    correlations, _ = read_foreign_table(source.correlations, schemas.CORRELATIONS, _REMEDY)
+    correlations, _ = read_foreign_table(source.correlations, CORRELATIONS, _REMEDY)
     flight = None
     if source.parameter_influences is not None and source.exposures is not None:
-        influences, _ = read_foreign_table(source.parameter_influences, schemas.PARAMETER_INFLUENCES, _REMEDY)
-        exposures, of_exposures = read_foreign_table(source.exposures, schemas.EXPOSURES, _REMEDY)
+        influences, _ = read_foreign_table(source.parameter_influences, PARAMETER_INFLUENCES, _REMEDY)
+        exposures, of_exposures = read_foreign_table(source.exposures, EXPOSURES, _REMEDY)
         if of_exposures == crs:
             flight = CalibrationFlight(influences, exposures, surveyed, crs)
     return calibration_of(parameters, correlations, control, flight)

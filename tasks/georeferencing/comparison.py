@@ -28,8 +28,13 @@ from tasks.georeferencing.stereo_models import (
     model_rays,
     parallax_columns,
 )
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.georeferencing import (
+    DIRECT_GEOREFERENCING,
+    DIRECT_GEOREFERENCING_MODELS,
+    STEREO_MODELS,
+    Y_PARALLAXES,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +111,10 @@ def write_comparison(folder: Path, comparison: Comparison) -> None:
     oriented, parallaxes = comparison.oriented, comparison.parallaxes
     _write_points(folder, comparison)
     _write_points_in_models(folder, comparison)
-    write_table(folder / "y_parallaxes.parquet", schemas.Y_PARALLAXES, parallax_columns(oriented, parallaxes))
+    write_table(folder / "y_parallaxes.parquet", Y_PARALLAXES, parallax_columns(oriented, parallaxes))
     write_table(
         folder / "stereo_models.parquet",
-        schemas.STEREO_MODELS,
+        STEREO_MODELS,
         model_columns(oriented, parallaxes),
         oriented.map_frame,
     )
@@ -122,7 +127,7 @@ def _write_points(folder: Path, comparison: Comparison) -> None:
         places = map_from_local(oriented.map_frame, oriented.frame, points.x_in_local)
     write_table(
         folder / "direct_georeferencing.parquet",
-        schemas.DIRECT_GEOREFERENCING,
+        DIRECT_GEOREFERENCING,
         {
             "point": np.array(comparison.surveyed.name, dtype=object)[points.surveyed],
             **{f"{axis}_m": places[:, k] for k, axis in enumerate("xyz")},
@@ -138,7 +143,7 @@ def _write_points_in_models(folder: Path, comparison: Comparison) -> None:
     model = rays.common.model[comparison.pairs.pair]
     write_table(
         folder / "direct_georeferencing_models.parquet",
-        schemas.DIRECT_GEOREFERENCING_MODELS,
+        DIRECT_GEOREFERENCING_MODELS,
         {
             "left": images[rays.models.left[model]],
             "right": images[rays.models.right[model]],

@@ -11,7 +11,8 @@ import pandas as pd
 from adjust.arrays import Floats, Ints
 from tasks.coordinates.local_frame import local_from_map
 from tasks.handover.results import Results, read_result_table
-from tasks.tables import schemas
+from tasks.tables.schemas.adjustment import CHECK_POINTS, CONTROL_RESIDUALS, OBJECT_POINTS, RESIDUALS
+from tasks.tables.schemas.deliveries import CONTROL_POINTS, IMAGE_POINTS
 
 _XYZ = ["x_m", "y_m", "z_m"]
 _SIGMA = ["sigma_x_m", "sigma_y_m", "sigma_z_m"]
@@ -90,13 +91,13 @@ def read_points(folder: Path, results: Results) -> BlockPoints:
     InputError
         If a table is missing.
     """
-    objects = read_result_table(folder, schemas.OBJECT_POINTS)
-    measured = read_result_table(folder, schemas.IMAGE_POINTS)
-    residuals = read_result_table(folder, schemas.RESIDUALS)
+    objects = read_result_table(folder, OBJECT_POINTS)
+    measured = read_result_table(folder, IMAGE_POINTS)
+    residuals = read_result_table(folder, RESIDUALS)
     bad = residuals[(residuals["group"] == "image_points") & (residuals["status"] == "rejected")]
     rejected = pd.MultiIndex.from_frame(bad[["image", "point"]].astype(str))
     measured = measured[~pd.MultiIndex.from_frame(measured[["image", "point"]]).isin(rejected)]
-    given = read_result_table(folder, schemas.CONTROL_POINTS)
+    given = read_result_table(folder, CONTROL_POINTS)
     return block_points(results, objects, measured, given, _differences(folder))
 
 
@@ -136,7 +137,7 @@ def block_points(
 
 
 def _differences(folder: Path) -> pd.DataFrame:
-    tables = (schemas.CONTROL_RESIDUALS, schemas.CHECK_POINTS)
+    tables = (CONTROL_RESIDUALS, CHECK_POINTS)
     columns = ["point", *_DIFFERENCE]
     return pd.concat([read_result_table(folder, schema)[columns] for schema in tables]).set_index("point")
 

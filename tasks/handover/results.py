@@ -33,9 +33,12 @@ from tasks.handover.rigorous import OrientedImages
 from tasks.results.manifest import read_manifest
 from tasks.settings.project import ProjectSettings
 from tasks.settings.residual_grid import ResidualGridSettings
-from tasks.tables import schemas
 from tasks.tables.foreign import read_foreign_table
-from tasks.tables.schemas import TableSchema
+from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS, OBJECT_POINTS
+from tasks.tables.schemas.columns import TableSchema
+from tasks.tables.schemas.deliveries import CAMERAS, EXPOSURES, IMAGE_POINTS, IMAGES
+from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
+from tasks.tables.schemas.residual_grid import RESIDUAL_GRID
 
 _REMEDY = "Name a folder with the results of `aerocal run`."
 # Part of the tie points of an image below, at and above which the ground is taken.
@@ -146,12 +149,12 @@ def read_results(folder: Path) -> Results:
         If there are none, or a table is missing.
     """
     stated, place, refracted, interpolation = _stated(folder)
-    orientations = read_result_table(folder, schemas.EXTERIOR_ORIENTATIONS)
+    orientations = read_result_table(folder, EXTERIOR_ORIENTATIONS)
     if orientations.empty:
         raise InputError("The results have no adjusted orientation.", _REMEDY, file=folder)
     cameras = _cameras(folder, interpolation)
     names = [str(name) for name in orientations["image"]]
-    taken = read_result_table(folder, schemas.IMAGES).set_index("image").loc[names]
+    taken = read_result_table(folder, IMAGES).set_index("image").loc[names]
     index = pd.Index([item.frame.name for item in cameras]).get_indexer(pd.Index(taken["camera"]))
     images = replace(_oriented(place, orientations, index.astype(np.int64), cameras), refracted=refracted)
     strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
@@ -162,10 +165,10 @@ def read_results(folder: Path) -> Results:
 
 def _heads(folder: Path, cameras: list[str], names: list[str]) -> RigHeads | None:
     """Heads of rigs among the cameras, in their order, and the events of the images."""
-    rows = read_result_table(folder, schemas.CAMERAS).set_index("camera", drop=False).loc[cameras]
+    rows = read_result_table(folder, CAMERAS).set_index("camera", drop=False).loc[cameras]
     if rows["head_of"].isna().all():
         return None
-    return rig_heads(read_result_table(folder, schemas.EXPOSURES), rows, names)
+    return rig_heads(read_result_table(folder, EXPOSURES), rows, names)
 
 
 def read_cameras(folder: Path) -> tuple[dict[str, CalibratedCamera], dict[str, str]]:
@@ -178,7 +181,7 @@ def read_cameras(folder: Path) -> tuple[dict[str, CalibratedCamera], dict[str, s
     """
     interpolation = _stated(folder)[3]
     cameras = {camera.frame.name: camera for camera in _cameras(folder, interpolation)}
-    images = read_result_table(folder, schemas.IMAGES)
+    images = read_result_table(folder, IMAGES)
     return cameras, {
         str(image): str(camera)
         for image, camera in zip(images["image"], images["camera"], strict=True)
@@ -188,7 +191,7 @@ def read_cameras(folder: Path) -> tuple[dict[str, CalibratedCamera], dict[str, s
 
 def _cameras(folder: Path, interpolation: Interpolation) -> tuple[CalibratedCamera, ...]:
     """The cameras that have images, with what was found of them."""
-    grids = read_result_table(folder, schemas.RESIDUAL_GRID)
+    grids = read_result_table(folder, RESIDUAL_GRID)
     return tuple(
         replace(
             calibrated_camera(row),
@@ -240,11 +243,11 @@ def read_result_table(folder: Path, schema: TableSchema) -> pd.DataFrame:
 def _camera_rows(folder: Path) -> list[dict[object, object]]:
     """Rows of cameras.parquet with the adjusted values, for the cameras that have images."""
     parameters, correlations = (
-        read_result_table(folder, schemas.PARAMETERS),
-        read_result_table(folder, schemas.CORRELATIONS),
+        read_result_table(folder, PARAMETERS),
+        read_result_table(folder, CORRELATIONS),
     )
     adjusted = calibration_of(parameters, correlations, SurveyedControl())
-    given = read_result_table(folder, schemas.CAMERAS)
+    given = read_result_table(folder, CAMERAS)
     given = given[given["camera"].isin(adjusted.entities("focal_length"))]
     return [dict(row) for row in calibrated_cameras(given, adjusted).to_dict("records")]
 
@@ -280,8 +283,8 @@ def _oriented(
 
 
 def _ground(folder: Path, names: list[str]) -> Floats:
-    points = read_result_table(folder, schemas.OBJECT_POINTS)
-    return ground_heights(points, read_result_table(folder, schemas.IMAGE_POINTS), names)
+    points = read_result_table(folder, OBJECT_POINTS)
+    return ground_heights(points, read_result_table(folder, IMAGE_POINTS), names)
 
 
 def ground_heights(points: pd.DataFrame, measured: pd.DataFrame, names: list[str]) -> Floats:

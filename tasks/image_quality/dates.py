@@ -24,14 +24,14 @@ from tasks.image_quality.drift import LIMIT, drift_remarks, drift_table
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import (
+from tasks.tables.schemas.columns import TableSchema
+from tasks.tables.schemas.image_quality import (
     DEFECT_COLUMNS,
     DEFECT_PIXELS,
     EDGE_DRIFT,
     NOISE_LEVELS,
     QUALITY_DRIFT,
     SENSOR_SHEETS,
-    TableSchema,
 )
 
 _REMEDY = "Name the folder of results of `aerocal image-quality`."

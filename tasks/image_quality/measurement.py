@@ -21,7 +21,8 @@ from tasks.image_quality.scenes import SceneQuality, examined_scene
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS, SMEARS, TableSchema
+from tasks.tables.schemas.columns import TableSchema
+from tasks.tables.schemas.image_quality import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS, SMEARS
 
 _log = logging.getLogger("aerocal")
 _TENTHS = 10

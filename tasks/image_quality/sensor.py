@@ -20,13 +20,13 @@ from tasks.image_quality.flat_images import FlatImages, flat_images, middle_leve
 from tasks.settings.sensor_quality import PROTOCOL, SensorSettings
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import (
+from tasks.tables.schemas.columns import TableSchema
+from tasks.tables.schemas.image_quality import (
     APERTURE,
     DEFECT_COLUMNS,
     DEFECT_PIXELS,
     PHOTON_TRANSFER,
     SENSOR_SHEETS,
-    TableSchema,
 )
 
 Row: TypeAlias = Mapping[str, str | float | int | bool | None]

@@ -26,7 +26,7 @@ from tasks.files.toml_text import TomlValue, toml_text
 from tasks.quantities import reported_unit
 from tasks.settings.simulation import Simulation
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import Column, TableSchema
+from tasks.tables.schemas.columns import Column, TableSchema
 
 #: Folder of the truth next to a simulated project, and the specification in it.
 TRUTH = "truth"

@@ -44,9 +44,9 @@ from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
-from tasks.tables import schemas
 from tasks.tables.parquet import read_table, write_table
 from tasks.tables.places import distinct, places_of
+from tasks.tables.schemas.deliveries import APPROXIMATE_ORIENTATIONS
 
 
 def write_approximate_block(
@@ -97,7 +97,7 @@ def write_approximate_block(
     write_boresight(folder, given)
     write_table(
         folder / "approximate_orientations.parquet",
-        schemas.APPROXIMATE_ORIENTATIONS,
+        APPROXIMATE_ORIENTATIONS,
         {str(name): list(values) for name, values in oriented.table.items()},
         map_frame,
     )

@@ -16,7 +16,7 @@ from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.store.artifact import Artifact
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import CAMERAS
+from tasks.tables.schemas.deliveries import CAMERAS
 
 
 @stored("calibrated_cameras")

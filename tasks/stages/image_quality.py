@@ -13,7 +13,7 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table
-from tasks.tables.schemas import SMEAR_MOTION
+from tasks.tables.schemas.image_quality import SMEAR_MOTION
 
 
 @stored("image_quality")

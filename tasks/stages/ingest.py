@@ -21,7 +21,7 @@ from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.schemas import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS, TRAJECTORIES
+from tasks.tables.schemas.deliveries import CONTROL_POINTS, DISTANCES, EXPOSURES, IMAGE_POINTS, TRAJECTORIES
 
 if TYPE_CHECKING:
     from tasks.deliveries.exposures import ExposureColumns

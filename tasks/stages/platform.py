@@ -16,7 +16,7 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import PLATFORM, VIRTUAL_IMAGE
+from tasks.tables.schemas.platform import PLATFORM, VIRTUAL_IMAGE
 
 _ANGLES = ("omega", "phi", "kappa")
 # Points of the grid along the shorter side of the virtual image.

@@ -19,7 +19,7 @@ from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.sweep.control_choice import control_chosen
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import CONTROL_POINTS, IMAGE_POINTS
+from tasks.tables.schemas.deliveries import CONTROL_POINTS, IMAGE_POINTS
 
 
 @stored("sub_block")

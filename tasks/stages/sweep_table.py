@@ -18,7 +18,7 @@ from tasks.store.notes import Notes, read_notes, write_notes
 from tasks.store.store import stored
 from tasks.sweep.scenario import Computed, failures
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import SWEEP
+from tasks.tables.schemas.sweep import SWEEP
 
 Figure = str | float | int | None
 Row = dict[str, Figure]

@@ -17,7 +17,7 @@ from tasks.settings.trust_map import TrustMapSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, read_notes, write_notes
 from tasks.tables.parquet import read_table
-from tasks.tables.schemas import TRUST_MAP_CELLS
+from tasks.tables.schemas.trust_map import TRUST_MAP_CELLS
 
 _XYZ = ("x", "y", "z")
 #: Columns of the table that are not values of a cell.

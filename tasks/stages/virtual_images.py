@@ -15,7 +15,8 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import CAMERAS, EXPOSURES, IMAGE_POINTS, TableSchema
+from tasks.tables.schemas.columns import TableSchema
+from tasks.tables.schemas.deliveries import CAMERAS, EXPOSURES, IMAGE_POINTS
 
 
 @stored("virtual_images")

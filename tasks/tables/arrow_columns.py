@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from tasks.tables.schemas import Column, TableSchema
+from tasks.tables.schemas.columns import Column, TableSchema
 
 #: Arrow's types of those of a schema.
 ARROW_TYPES = {

@@ -16,7 +16,7 @@ from tasks.magnitude import HUGE
 from tasks.plain_text import quoted, trouble_in
 from tasks.tables.arrow_columns import ARROW_TYPES
 from tasks.tables.parquet import METADATA
-from tasks.tables.schemas import Column, TableSchema
+from tasks.tables.schemas.columns import Column, TableSchema
 
 
 def read_foreign_table(

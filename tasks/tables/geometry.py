@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tasks.coordinates.crs import MapFrame
 from tasks.files.json_text import from_json
-from tasks.tables.schemas import TableSchema
+from tasks.tables.schemas.columns import TableSchema
 
 _POINT_Z = 1001
 _RECORD = np.dtype([("order", "u1"), ("type", "<u4"), ("x", "<f8"), ("y", "<f8"), ("z", "<f8")])

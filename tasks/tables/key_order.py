@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from tasks.tables.schemas import TableSchema
+from tasks.tables.schemas.columns import TableSchema
 
 
 def order_of(table: pa.Table, schema: TableSchema) -> NDArray[np.int64]:

@@ -26,7 +26,8 @@ from tasks.store.artifact import Artifact, verified
 from tasks.tables.arrow_columns import arrow_schema, typed_table
 from tasks.tables.geometry import GEOMETRY, Box, box_of, description, with_geometry
 from tasks.tables.key_order import ascending, order_of
-from tasks.tables.schemas import SCHEMAS, TableSchema
+from tasks.tables.schemas.columns import TableSchema
+from tasks.tables.schemas.register import SCHEMAS
 
 METADATA = b"aerocal"
 ROW_GROUP = 100_000

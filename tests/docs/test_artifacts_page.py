@@ -14,7 +14,7 @@ from flows.command import exit_code, interruption
 from tasks.results.manifest import Manifest
 from tasks.results.publish import PUBLISHED
 from tasks.results.summary import Counts, Summary
-from tasks.tables.schemas import SCHEMAS
+from tasks.tables.schemas.register import SCHEMAS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGE = REPOSITORY / "docs" / "artifacts.md"

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from adjust.parameters import FAMILIES
-from tasks.tables.schemas import SCHEMAS
+from tasks.tables.schemas.register import SCHEMAS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGES = ("adjust", "tasks", "flows")

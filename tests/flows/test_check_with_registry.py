@@ -26,8 +26,10 @@ from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
 from tasks.simulation.simulate import simulate_project
 from tasks.store.artifact import digest_of_file
 from tasks.store.stage_record import read_records
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.adjustment import CONTROL_RESIDUALS
+from tasks.tables.schemas.deliveries import CONTROL_POINTS
+from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
 from tests.tasks.registry.records import add, approve, changed, record
 
 SMALL = ("points.count=500", "points.detection=0.6", "project.name=another")
@@ -66,7 +68,7 @@ def results(folder: Path, calibration: CalibrationRecord) -> Path:
     }
     sigma = [np.nan if item.sigma is None else item.sigma for item in items]
     columns |= {"sigma": sigma, "change": [0.0] * len(items)}
-    write_table(folder / "parameters.parquet", schemas.PARAMETERS, columns)
+    write_table(folder / "parameters.parquet", PARAMETERS, columns)
     scale = np.sqrt(np.diagonal(calibration.covariance_matrix))
     matrix = calibration.covariance_matrix / np.outer(scale, scale)
     pairs = [(i, j) for i in range(len(estimated)) for j in range(i)]
@@ -76,15 +78,15 @@ def results(folder: Path, calibration: CalibrationRecord) -> Path:
         for name in ("parameter", "entity")
     }
     correlations["correlation"] = [matrix[pair] for pair in pairs]
-    write_table(folder / "correlations.parquet", schemas.CORRELATIONS, correlations)
+    write_table(folder / "correlations.parquet", CORRELATIONS, correlations)
     write_table(
         folder / "control_residuals.parquet",
-        schemas.CONTROL_RESIDUALS,
+        CONTROL_RESIDUALS,
         {"point": ["-"], "status": ["used"], "rays": [0]},
     )
     place = {f"{axis}_m": [0.0] for axis in "xyz"}
     control = {"point": ["-"], **place, "role": ["control"]}
-    write_table(folder / "control_points.parquet", schemas.CONTROL_POINTS, control, frame)
+    write_table(folder / "control_points.parquet", CONTROL_POINTS, control, frame)
     return folder
 
 

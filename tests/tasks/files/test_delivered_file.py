@@ -35,8 +35,8 @@ from tasks.settings.direct_georeferencing import CalibrationInput
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.store.stage_key import InputFile
-from tasks.tables import schemas
 from tasks.tables.foreign import read_foreign_table
+from tasks.tables.schemas.parameters import PARAMETERS
 from tests.conftest import REPOSITORY
 from tests.tasks.formats.sound_files import READERS as FORMAT_READERS
 
@@ -58,7 +58,7 @@ READERS: dict[str, Callable[[Path], object]] = {
         for name, reader in readers.items()
         if name != "csv" and not name.startswith("ign")
     },
-    "table of another run": lambda path: read_foreign_table(path, schemas.PARAMETERS, "Name another."),
+    "table of another run": lambda path: read_foreign_table(path, PARAMETERS, "Name another."),
 }
 every_reader = pytest.mark.parametrize("reader", READERS.values(), ids=READERS)
 SPECIAL = ("sparse", "device", "pipe", "zeros")
@@ -146,7 +146,7 @@ def test_a_table_of_few_bytes_and_many_rows_is_refused(tmp_path: Path) -> None:
             writer.write_table(rows, row_group_size=10_000_000)
     assert file.stat().st_size < 1_000_000
     with pytest.raises(InputError, match=f"110,000,000 rows, more than the {limit:,}"):
-        read_foreign_table(file, schemas.PARAMETERS, "Name another.")
+        read_foreign_table(file, PARAMETERS, "Name another.")
 
 
 def test_a_project_is_refused_before_a_huge_input_is_even_hashed(

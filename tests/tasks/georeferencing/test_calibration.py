@@ -23,8 +23,8 @@ from tasks.georeferencing.calibration import (
 )
 from tasks.settings.coordinates import ELLIPSOIDAL
 from tasks.settings.direct_georeferencing import CalibrationInput
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas import adjustment, deliveries, parameters
 
 PARAMETERS = pd.DataFrame(
     [
@@ -173,16 +173,16 @@ def results(folder: Path) -> CalibrationInput:
         **PARAMETERS.to_dict("series"),
         "change": np.zeros(len(PARAMETERS)),
     }
-    write_table(folder / "parameters.parquet", schemas.PARAMETERS, columns)
-    write_table(folder / "correlations.parquet", schemas.CORRELATIONS, CORRELATIONS.to_dict("series"))
+    write_table(folder / "parameters.parquet", parameters.PARAMETERS, columns)
+    write_table(folder / "correlations.parquet", parameters.CORRELATIONS, CORRELATIONS.to_dict("series"))
     write_table(
         folder / "control_residuals.parquet",
-        schemas.CONTROL_RESIDUALS,
+        adjustment.CONTROL_RESIDUALS,
         {"point": ["B"], "status": ["used"], "rays": [4]},
     )
     write_table(
         folder / "control_points.parquet",
-        schemas.CONTROL_POINTS,
+        deliveries.CONTROL_POINTS,
         {
             "point": ["A", "B"],
             **{f"{axis}_m": PLACES[:2, k] for k, axis in enumerate("xyz")},

@@ -7,7 +7,7 @@ import pytest
 from tasks.errors import InputError
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.published_sweep import PublishedPart, published_names, published_table
-from tasks.tables.schemas import SWEEP
+from tasks.tables.schemas.sweep import SWEEP
 
 
 @pytest.mark.parametrize("name", published_names())

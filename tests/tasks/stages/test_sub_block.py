@@ -19,8 +19,9 @@ from tasks.stages.sub_block import assign_roles, select_images
 from tasks.store.artifact import Artifact, artifact_of
 from tasks.store.store import Store
 from tasks.sweep.control_choice import control_chosen
-from tasks.tables import schemas
 from tasks.tables.parquet import read_table, write_table
+from tasks.tables.schemas.columns import TableSchema
+from tasks.tables.schemas.deliveries import CONTROL_POINTS, IMAGE_POINTS, IMAGES
 
 PROJECT = ProjectSettings(name="field", crs="local", heights=ELLIPSOIDAL)
 
@@ -45,7 +46,7 @@ def chosen(scenario: ControlScenario, surveyed: pd.DataFrame, points: pd.DataFra
     return set(surveyed["point"][control_chosen(scenario, "s", surveyed, seen)])
 
 
-def written(folder: Path, schema: schemas.TableSchema, table: pd.DataFrame) -> Artifact:
+def written(folder: Path, schema: TableSchema, table: pd.DataFrame) -> Artifact:
     folder.mkdir(exist_ok=True)
     path = folder / f"{schema.name}.parquet"
     columns = {
@@ -106,8 +107,8 @@ def test_roles_as_delivered_all_and_by_name() -> None:
 
 def test_the_table_of_a_scenario_has_its_roles_and_the_coordinates_untouched(tmp_path: Path) -> None:
     field = surveyed_grid(3, 2).sample(frac=1.0, random_state=4)
-    control = written(tmp_path / "in", schemas.CONTROL_POINTS, field)
-    points = written(tmp_path / "in", schemas.IMAGE_POINTS, measured(list(field["point"])))
+    control = written(tmp_path / "in", CONTROL_POINTS, field)
+    points = written(tmp_path / "in", IMAGE_POINTS, measured(list(field["point"])))
     outputs = assign_roles(
         Store.of(tmp_path / "out"),
         control_points=control,
@@ -136,10 +137,8 @@ def block(tmp_path: Path) -> dict[str, Artifact]:
         }
     )
     return {
-        "images": written(tmp_path / "in", schemas.IMAGES, images),
-        "image_points": written(
-            tmp_path / "in", schemas.IMAGE_POINTS, measured(["a", "b"], tuple(images["image"]))
-        ),
+        "images": written(tmp_path / "in", IMAGES, images),
+        "image_points": written(tmp_path / "in", IMAGE_POINTS, measured(["a", "b"], tuple(images["image"]))),
     }
 
 
@@ -182,8 +181,8 @@ def test_every_third_image_of_every_second_strip_is_kept(tmp_path: Path) -> None
     )
     outputs = select_images(
         Store.of(tmp_path / "out"),
-        images=written(tmp_path / "in", schemas.IMAGES, images),
-        image_points=written(tmp_path / "in", schemas.IMAGE_POINTS, measured(["a"], tuple(names))),
+        images=written(tmp_path / "in", IMAGES, images),
+        image_points=written(tmp_path / "in", IMAGE_POINTS, measured(["a"], tuple(names))),
         block=BlockSelection(every_strip=2, every_image=3),
         name="thinned",
     )

@@ -14,7 +14,7 @@ from tasks.stages.two_step import calibrate_in_two_steps
 from tasks.store.artifact import Artifact, artifact_of
 from tasks.store.notes import read_notes
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import EXTERIOR_ORIENTATIONS
+from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS
 
 COLUMNS = [column.name for column in EXTERIOR_ORIENTATIONS.columns if not column.nullable]
 

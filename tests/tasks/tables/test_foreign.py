@@ -12,7 +12,7 @@ import pytest
 from tasks.errors import InputError
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.parquet import write_table
-from tasks.tables.schemas import PARAMETERS
+from tasks.tables.schemas.parameters import PARAMETERS
 
 ROWS = {
     "parameter": ["focal_length", "boresight_roll"],

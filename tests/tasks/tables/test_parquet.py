@@ -13,7 +13,10 @@ from tasks.files.installation import InstallationError
 from tasks.settings.coordinates import ELLIPSOIDAL
 from tasks.store.artifact import artifact_of
 from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas import CONTROL_POINTS, IMAGE_POINTS, OBJECT_POINTS, PARAMETERS, RESIDUALS, SCHEMAS
+from tasks.tables.schemas.adjustment import OBJECT_POINTS, RESIDUALS
+from tasks.tables.schemas.deliveries import CONTROL_POINTS, IMAGE_POINTS
+from tasks.tables.schemas.parameters import PARAMETERS
+from tasks.tables.schemas.register import SCHEMAS
 
 FRAME = MapFrame.of("EPSG:2154", ELLIPSOIDAL)
 

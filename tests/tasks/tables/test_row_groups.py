@@ -17,7 +17,7 @@ from tasks.store.artifact import artifact_of
 from tasks.tables.geometry import box_around
 from tasks.tables.names import Names
 from tasks.tables.parquet import ROW_GROUP, read_table, write_row_groups, write_table
-from tasks.tables.schemas import OBJECT_POINTS, RESIDUALS
+from tasks.tables.schemas.adjustment import OBJECT_POINTS, RESIDUALS
 
 FRAME = MapFrame.of("EPSG:2154", ELLIPSOIDAL)
 Columns = dict[str, Any]

@@ -17,8 +17,19 @@ from tasks.settings.load import load_project
 from tasks.settings.project import Project
 from tasks.store.artifact import Artifact, artifact_of
 from tasks.store.notes import Notes, write_notes
-from tasks.tables import schemas
 from tasks.tables.parquet import write_table
+from tasks.tables.schemas.adjustment import (
+    CHECK_POINTS,
+    CONTROL_RESIDUALS,
+    DISTANCE_RESIDUALS,
+    EXTERIOR_ORIENTATIONS,
+    OBJECT_POINTS,
+    RESIDUALS,
+)
+from tasks.tables.schemas.deliveries import CONTROL_POINTS, IMAGE_POINTS, IMAGES
+from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVES
+from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
+from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION, RESIDUAL_GRID
 from tests.conftest import PROJECT
 from tests.tasks.documents.report.page_reader import Page
 
@@ -57,8 +68,8 @@ def stages(
     _write_points(folder, random, points)
     _write_rays(folder, random, images, points, RAYS // fewer)
     _write_surveyed(folder, random, points)
-    nothing: dict[str, list[object]] = {column.name: [] for column in schemas.DISTANCE_RESIDUALS.columns}
-    write_table(folder / "distance_residuals.parquet", schemas.DISTANCE_RESIDUALS, nothing)
+    nothing: dict[str, list[object]] = {column.name: [] for column in DISTANCE_RESIDUALS.columns}
+    write_table(folder / "distance_residuals.parquet", DISTANCE_RESIDUALS, nothing)
     _write_residual_grid(folder, random)
     _write_parameters(folder, random)
     _write_model_alternatives(folder, random)
@@ -85,7 +96,7 @@ def _write_images(folder: Path, random: np.random.Generator, images: np.ndarray)
     angles = {f"{name}_deg": random.normal(0, 1, count) for name in ("omega", "phi", "kappa")}
     write_table(
         folder / "images.parquet",
-        schemas.IMAGES,
+        IMAGES,
         {
             "image": images,
             "camera": ["C"] * count,
@@ -97,7 +108,7 @@ def _write_images(folder: Path, random: np.random.Generator, images: np.ndarray)
     )
     write_table(
         folder / "exterior_orientations.parquet",
-        schemas.EXTERIOR_ORIENTATIONS,
+        EXTERIOR_ORIENTATIONS,
         {
             "image": images,
             **_xyz(centres),
@@ -113,7 +124,7 @@ def _write_points(folder: Path, random: np.random.Generator, points: np.ndarray)
     place = random.uniform([0, 0, 0], [IN_STRIP * 400.0, STRIPS * 430.0, 80.0], (len(points), 3))
     write_table(
         folder / "object_points.parquet",
-        schemas.OBJECT_POINTS,
+        OBJECT_POINTS,
         {
             "point": points,
             **_xyz(place),
@@ -133,7 +144,7 @@ def _write_rays(
     xy = random.uniform([-0.25, -0.2], [0.25, 0.2], (rays, 2))
     write_table(
         folder / "image_points.parquet",
-        schemas.IMAGE_POINTS,
+        IMAGE_POINTS,
         {
             "image": image,
             "point": point,
@@ -147,7 +158,7 @@ def _write_rays(
     residual = random.normal(0, 0.9, 2 * rays)
     write_table(
         folder / "residuals.parquet",
-        schemas.RESIDUALS,
+        RESIDUALS,
         {
             "group": ["image_points"] * (2 * rays),
             "image": np.concatenate([image, image]),
@@ -169,7 +180,7 @@ def _write_surveyed(folder: Path, random: np.random.Generator, points: np.ndarra
     named = points[:CONTROL]
     write_table(
         folder / "control_points.parquet",
-        schemas.CONTROL_POINTS,
+        CONTROL_POINTS,
         {
             "point": named,
             **_xyz(random.uniform(0, 15_000, (CONTROL, 3))),
@@ -178,7 +189,7 @@ def _write_surveyed(folder: Path, random: np.random.Generator, points: np.ndarra
         },
         LOCAL,
     )
-    for schema, start in ((schemas.CONTROL_RESIDUALS, 0), (schemas.CHECK_POINTS, 1)):
+    for schema, start in ((CONTROL_RESIDUALS, 0), (CHECK_POINTS, 1)):
         own = named[start::2]
         differences = {f"{axis}_m": random.normal(0, 0.02, len(own)) for axis in ("dx", "dy", "dz")}
         write_table(
@@ -198,7 +209,7 @@ def _write_residual_grid(folder: Path, random: np.random.Generator) -> None:
     column, row = (part.ravel() for part in np.meshgrid(np.arange(25), np.arange(25)))
     write_table(
         folder / "residual_grid.parquet",
-        schemas.RESIDUAL_GRID,
+        RESIDUAL_GRID,
         {
             "camera": ["C"] * 625,
             "column": column,
@@ -216,7 +227,7 @@ def _write_residual_grid(folder: Path, random: np.random.Generator) -> None:
     distances = np.array([1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
     write_table(
         folder / "residual_autocorrelation.parquet",
-        schemas.RESIDUAL_AUTOCORRELATION,
+        RESIDUAL_AUTOCORRELATION,
         {
             "camera": ["C"] * 12,
             "component": ["x"] * 6 + ["y"] * 6,
@@ -235,7 +246,7 @@ def _write_parameters(folder: Path, random: np.random.Generator) -> None:
     count = len(names)
     write_table(
         folder / "parameters.parquet",
-        schemas.PARAMETERS,
+        PARAMETERS,
         {
             "parameter": [name for name, _ in names],
             "entity": [entity for _, entity in names],
@@ -250,7 +261,7 @@ def _write_parameters(folder: Path, random: np.random.Generator) -> None:
     first, second = np.triu_indices(count, 1)
     write_table(
         folder / "correlations.parquet",
-        schemas.CORRELATIONS,
+        CORRELATIONS,
         {
             "parameter_a": [names[k][0] for k in first],
             "entity_a": [names[k][1] for k in first],
@@ -266,7 +277,7 @@ def _write_model_alternatives(folder: Path, random: np.random.Generator) -> None
     count = 6 * STRIPS
     write_table(
         folder / "model_alternatives.parquet",
-        schemas.MODEL_ALTERNATIVES,
+        MODEL_ALTERNATIVES,
         {
             "quantity": [f"gnss_shift_{'xyz'[k % 3]}" for k in range(count)],
             "entity": ["camera" if k % 6 < 3 else "" for k in range(count)],
