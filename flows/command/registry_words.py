@@ -9,7 +9,7 @@ from rich.text import Text
 
 from flows.command.screen_table import screen_table
 from tasks.document_kit.table import Number, decimals_for
-from tasks.files.json_text import JSON
+from tasks.files.json_text import JSON, attributes
 from tasks.quantities import quantity_words, shown
 from tasks.registry.compatibility import Compatibility
 from tasks.registry.contents import StoredCalibration
@@ -119,15 +119,9 @@ def as_json(item: StoredCalibration) -> dict[str, JSON]:
         "valid_to": None if held is None or held.end is None else held.end.isoformat(),
         "history": [
             {
-                "state": event.state,
+                **attributes(event, "state", "at", "note", "valid_from", "valid_to", "successor", "digest"),
                 "by": event.person,
-                "at": event.at,
-                "note": event.note,
                 "although": event.although or None,
-                "valid_from": event.valid_from,
-                "valid_to": event.valid_to,
-                "successor": event.successor,
-                "digest": event.digest,
             }
             for event in item.events
         ],

@@ -17,7 +17,7 @@ from typing import Literal, TypeAlias
 
 from tasks.accuracy.check_points import QUANTITIES, CheckPointDifferences
 from tasks.accuracy.template import STANDARDS, Part, Template, delivered
-from tasks.files.json_text import JSON
+from tasks.files.json_text import JSON, attributes
 
 #: What became of a part: no points, fewer than needed, no value, tested without limits, within, beyond.
 Case: TypeAlias = Literal["none", "too_few", "undefined", "found", "met", "missed"]
@@ -88,12 +88,7 @@ class Statement:
     def to_json(self) -> JSON:
         """For summary.json and statements.json."""
         return {
-            "standard": self.standard,
-            "edition": self.edition,
-            "verified": self.verified,
-            "tested": self.tested,
-            "passed": self.passed,
-            "check_points": self.check_points,
+            **attributes(self, "standard", "edition", "verified", "tested", "passed", "check_points"),
             "check_points_needed": self.least,
             "figures_m": dict(self.figures),
             "parts": [{**asdict(part), "exceeded": list(part.exceeded)} for part in self.parts],

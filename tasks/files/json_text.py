@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
@@ -39,6 +40,17 @@ def finite(value: JSON) -> JSON:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [finite(item) for item in value]
     return value
+
+
+def attributes(item: object, *names: str) -> dict[str, JSON]:
+    """Attributes of an object by their names, as JSON takes them; days and times as ISO 8601."""
+    return {name: _plain(getattr(item, name)) for name in names}
+
+
+def _plain(value: Any) -> JSON:
+    if isinstance(value, date):
+        return value.isoformat()
+    return list(value) if isinstance(value, tuple) else cast(JSON, value)
 
 
 def from_json(text: str | bytes) -> Any:

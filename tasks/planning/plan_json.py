@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tasks.calibration.verdicts import ParameterVerdict
-from tasks.files.json_text import JSON
+from tasks.files.json_text import JSON, attributes
 from tasks.planning.addition_words import addition_json
 from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
 from tasks.quantities import is_calibrated
@@ -55,23 +55,12 @@ def _pattern(here: Expectation) -> JSON:
 def _parameter(item: ParameterVerdict, here: Expectation) -> JSON:
     table = here.parameters
     row = table[(table["parameter"] == item.parameter) & (table["entity"] == item.entity)].iloc[0]
-    strongest = item.strongest
     return {
-        "parameter": item.parameter,
-        "entity": item.entity,
+        **attributes(item, "parameter", "entity", "sigma", "limit", "sigma_over_prior", "verdict", "because"),
         "unit": str(row["unit"]),
-        "sigma": item.sigma,
-        "limit": item.limit,
-        "sigma_over_prior": item.sigma_over_prior,
-        "verdict": item.verdict,
-        "because": item.because,
         "strongest_correlation": None
-        if strongest is None
-        else {
-            "parameter": strongest.parameter,
-            "entity": strongest.entity,
-            "correlation": strongest.correlation,
-        },
+        if item.strongest is None
+        else attributes(item.strongest, "parameter", "entity", "correlation"),
     }
 
 
@@ -93,8 +82,7 @@ def _proposal(proposal: Proposal, here: Expectation) -> JSON:
         "verdict": expectation.flight.verdict,
         "reasons": list(expectation.flight.reasons),
         "worst": {
-            "parameter": expectation.worst.parameter,
-            "entity": expectation.worst.entity,
+            **attributes(expectation.worst, "parameter", "entity"),
             "sigma_over_limit": expectation.worst_part,
         },
         "sigmas": {f"{item.parameter} of {item.entity}": item.sigma for item in expectation.quantities},

@@ -58,17 +58,8 @@ def record_row_findings(connection: Connection, item: StoredCalibration) -> Iter
 
 def parameter_rows(record: CalibrationRecord) -> list[Row]:
     """One row for every parameter."""
-    return [
-        {
-            "parameter": item.parameter,
-            "entity": item.entity,
-            "unit": item.unit,
-            "value": item.value,
-            "sigma": item.sigma,
-            "verdict": item.verdict,
-        }
-        for item in record.parameters
-    ]
+    names = ("parameter", "entity", "unit", "value", "sigma", "verdict")
+    return [{name: getattr(item, name) for name in names} for item in record.parameters]
 
 
 def covariance_rows(record: CalibrationRecord) -> list[Row]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
 
-from tasks.files.json_text import JSON
+from tasks.files.json_text import JSON, attributes
 from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.drift import Against, Drift
 from tasks.registry.due import CameraDue, DueLimits, due_of
@@ -126,20 +126,14 @@ def as_json(watch: RegistryWatch) -> dict[str, JSON]:
 
 def _camera_json(one: CameraDue) -> JSON:
     held = one.in_force
+    names = ("camera", "product", "mounting", "camera_key", "mounting_key", "in_use", "age_days", "ends")
     return {
-        "camera": one.camera,
-        "product": one.product,
-        "mounting": one.mounting,
-        "camera_key": one.camera_key,
-        "mounting_key": one.mounting_key,
-        "in_use": one.in_use,
+        **attributes(one, *names),
         "newest": one.newest.id,
         "in_force": None if held is None else held.id,
         "flown": None if held is None else _iso(held.flown),
-        "age_days": one.age_days,
-        "ends": _iso(one.ends),
         "due": one.is_due,
-        "reasons": [{"kind": reason.kind, "sentence": reason.sentence} for reason in one.reasons],
+        "reasons": [attributes(reason, "kind", "sentence") for reason in one.reasons],
         "drifts": [_drift_json(drift) for drift in one.drifts],
     }
 
@@ -148,18 +142,12 @@ def _drift_json(drift: Drift) -> JSON:
     return {
         "new": drift.new.id,
         "old": drift.old.id,
-        "against": drift.against,
-        "chi2": drift.test.chi2,
-        "chi2_limit": drift.chi2_limit,
-        "degrees_of_freedom": drift.test.degrees_of_freedom,
-        "probability": drift.test.probability,
+        **attributes(drift, "against", "chi2_limit"),
+        **attributes(drift.test, "chi2", "degrees_of_freedom", "probability"),
         "drifted": drift.has_drifted,
         "parameters": [
             {
-                "parameter": one.change.parameter,
-                "unit": one.change.unit,
-                "change": one.change.change,
-                "sigma": one.change.sigma,
+                **attributes(one.change, "parameter", "unit", "change", "sigma"),
                 "limit": one.limit,
                 "exceeded": one.exceeds,
             }
@@ -170,19 +158,11 @@ def _drift_json(drift: Drift) -> JSON:
 
 def _series_json(one: WatchedSeries) -> JSON:
     return {
-        "camera": one.camera,
-        "product": one.product,
-        "camera_key": one.camera_key,
-        "parameter": one.series.parameter,
-        "unit": one.series.unit,
+        **attributes(one, "camera", "product", "camera_key"),
+        **attributes(one.series, "parameter", "unit"),
         "points": [
             {
-                "calibration": point.calibration,
-                "day": point.day.isoformat(),
-                "value": point.value,
-                "sigma": point.sigma,
-                "state": point.state,
-                "mounting": point.mounting,
+                **attributes(point, "calibration", "day", "value", "sigma", "state", "mounting"),
                 "valid_from": None if point.validity is None else point.validity.start.isoformat(),
                 "valid_to": None if point.validity is None else _iso(point.validity.end),
             }

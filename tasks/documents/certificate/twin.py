@@ -14,15 +14,15 @@ from tasks.documents.certificate.content import (
     Block,
     CertificateContent,
     CorrelationMatrix,
+    Fact,
     Facts,
     Figure,
     Listing,
-    Section,
     Sentences,
     SideBySide,
     Words,
 )
-from tasks.files.json_text import JSON
+from tasks.files.json_text import JSON, attributes
 
 FORMAT = "aerocal-certificate"
 VERSION = 1
@@ -35,110 +35,54 @@ def twin_of(content: CertificateContent, record: CalibrationRecord) -> Mapping[s
 
 def document_of(content: CertificateContent) -> Mapping[str, JSON]:
     """What is printed, as JSON."""
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "title": content.title,
-        "camera": content.camera,
-        "project": content.project,
-        "subject": content.subject,
-        "file": content.file,
-        "verdict": content.verdict,
-        "sentence": content.sentence,
-        "code": content.code,
-        "short_code": content.short_code,
-        "sections": [_section(section) for section in content.sections],
-    }
-
-
-def _section(section: Section) -> JSON:
-    return {
-        "name": section.name,
-        "heading": section.heading,
-        "blocks": [_block(block) for block in section.blocks],
-    }
+    names = ("title", "camera", "project", "subject", "file", "verdict", "sentence", "code", "short_code")
+    sections = [
+        {**attributes(section, "name", "heading"), "blocks": [_block(block) for block in section.blocks]}
+        for section in content.sections
+    ]
+    return {"format": FORMAT, "version": VERSION, **attributes(content, *names), "sections": sections}
 
 
 def _block(block: Block) -> JSON:
     if isinstance(block, Words):
-        return {"kind": "words", "tone": block.tone, "text": block.text}
+        return {"kind": "words", **attributes(block, "tone", "text")}
     if isinstance(block, Sentences):
-        return {"kind": "sentences", "heading": block.heading, "items": list(block.items)}
+        return {"kind": "sentences", **attributes(block, "heading", "items")}
     if isinstance(block, Facts):
-        return _facts(block)
+        facts = [_fact(fact) for fact in block.facts]
+        return {"kind": "facts", **attributes(block, "name", "heading"), "facts": facts}
     if isinstance(block, Listing):
         return _listing(block)
     if isinstance(block, CorrelationMatrix):
-        return _matrix(block)
+        rows = [
+            [attributes(cell, "value", "shown", "colour", "inverse") for cell in row] for row in block.rows
+        ]
+        return {"kind": "matrix", **attributes(block, "name", "caption", "labels", "note"), "rows": rows}
     if isinstance(block, Figure):
-        return {
-            "kind": "figure",
-            "name": block.name,
-            "caption": block.caption,
-            "alternative": block.alternative,
-            "width": block.width,
-        }
+        return {"kind": "figure", **attributes(block, "name", "caption", "alternative", "width")}
     if isinstance(block, SideBySide):
         return {"kind": "side_by_side", "blocks": [_block(each) for each in block.blocks]}
-    places: list[JSON] = [
-        {"role": place.role, "name": place.name, "filled": place.filled} for place in block.places
-    ]
-    return {"kind": "signatures", "places": places}
+    return {
+        "kind": "signatures",
+        "places": [attributes(place, "role", "name", "filled") for place in block.places],
+    }
 
 
-def _facts(block: Facts) -> JSON:
-    facts: list[JSON] = [
-        {
-            "key": fact.key,
-            "label": fact.label,
-            "values": [_cell(value) for value in fact.values],
-            "unit": fact.unit,
-            "shown": fact.shown,
-        }
-        for fact in block.facts
-    ]
-    return {"kind": "facts", "name": block.name, "heading": block.heading, "facts": facts}
+def _fact(fact: Fact) -> JSON:
+    return {
+        **attributes(fact, "key", "label", "unit", "shown"),
+        "values": [_cell(one) for one in fact.values],
+    }
 
 
 def _listing(block: Listing) -> JSON:
     table = block.table
-    columns: list[JSON] = [
-        {
-            "name": column.name,
-            "heading": column.heading,
-            "unit": column.unit,
-            "numeric": column.numeric,
-            "wide": column.name in block.wide,
-        }
+    columns = [
+        {**attributes(column, "name", "heading", "unit", "numeric"), "wide": column.name in block.wide}
         for column in table.columns
     ]
-    rows: list[JSON] = [{"key": row.key, "cells": [_cell(cell) for cell in row.cells]} for row in table.rows]
-    return {
-        "kind": "table",
-        "name": table.name,
-        "caption": table.caption,
-        "columns": columns,
-        "rows": rows,
-        "note": table.note,
-    }
-
-
-def _matrix(block: CorrelationMatrix) -> JSON:
-    rows: list[JSON] = [
-        [
-            {"value": cell.value, "shown": cell.shown, "colour": cell.colour, "inverse": cell.inverse}
-            for cell in row
-        ]
-        for row in block.rows
-    ]
-    return {
-        "kind": "matrix",
-        "name": block.name,
-        "caption": block.caption,
-        "labels": list(block.labels),
-        "rows": rows,
-        "note": block.note,
-    }
+    rows = [{"key": row.key, "cells": [_cell(cell) for cell in row.cells]} for row in table.rows]
+    return {"kind": "table", **attributes(table, "name", "caption", "note"), "columns": columns, "rows": rows}
 
 
 def _cell(cell: Cell) -> JSON:
