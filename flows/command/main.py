@@ -78,26 +78,10 @@ def _aerocal(version: Version = False) -> None:
     pass
 
 
-app.command()(init)
-app.command()(run)
-app.command()(adjust)
-app.command()(calibrate)
-app.command()(check)
-app.command()(doctor)
-app.command()(image_quality)
-app.command()(simulate)
-app.command()(plan)
-app.command()(sweep)
-app.command()(batch)
-app.command()(export)
-app.command()(undistort)
-app.command()(convert)
-app.command()(figures)
-app.command()(convert_distortion)
-app.command()(fetch)
-app.command()(flight_check)
-app.command()(clean)
-app.command()(serve)
-app.command()(notify)
-app.command()(runner)
+for command in (
+    init, run, adjust, calibrate, check, doctor, image_quality, simulate, plan, sweep, batch,
+    export, undistort, convert, figures, convert_distortion, fetch, flight_check, clean,
+    serve, notify, runner,
+):  # fmt: skip
+    app.command()(command)
 app.add_typer(registry, name="registry")

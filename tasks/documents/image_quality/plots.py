@@ -91,35 +91,28 @@ def response_plot(material: SceneMaterial) -> Markup:
 
 def noise_plot(material: SceneMaterial) -> Markup:
     """Noise against grey level, band by band."""
-    curves = []
-    for band, part in material.noise.groupby("band"):
-        ordered = part.sort_values("level")
-        curves.append((f"band {band}", ordered["level"].to_numpy(), ordered["noise"].to_numpy()))
-    right = max(float(levels.max()) for _, levels, _ in curves)
-    top = 1.1 * max(float(values.max()) for _, _, values in curves)
-    return _curves(
-        curves,
-        Scale(0.0, 1.02 * right, _LEFT, _RIGHT),
-        Scale(0.0, max(top, 1e-6), 300.0, _TOP),
-        "grey value",
-        "noise [grey values]",
-    )
+    return _by_band(material.noise, ("level", "noise"), ("grey value", "noise [grey values]"))
 
 
 def transfer_plot(sensor: SensorMaterial) -> Markup:
     """Variance against signal, band by band."""
+    words = ("signal [grey values]", "variance [grey values²]")
+    return _by_band(sensor.transfer, ("signal", "variance"), words)
+
+
+def _by_band(table: pd.DataFrame, columns: tuple[str, str], words: tuple[str, str]) -> Markup:
+    """A curve for each band: one column against another, from zero on."""
     curves = []
-    for band, part in sensor.transfer.groupby("band"):
-        ordered = part.sort_values("signal")
-        curves.append((f"band {band}", ordered["signal"].to_numpy(), ordered["variance"].to_numpy()))
-    right = max(float(signal.max()) for _, signal, _ in curves)
-    top = 1.1 * max(float(variance.max()) for _, _, variance in curves)
+    for band, part in table.groupby("band"):
+        x, y = (part.sort_values(columns[0])[name].to_numpy() for name in columns)
+        curves.append((f"band {band}", x, y))
+    right = max(float(x.max()) for _, x, _ in curves)
+    top = 1.1 * max(float(y.max()) for _, _, y in curves)
     return _curves(
         curves,
         Scale(0.0, 1.02 * max(right, 1.0), _LEFT, _RIGHT),
         Scale(0.0, max(top, 1e-6), 300.0, _TOP),
-        "signal [grey values]",
-        "variance [grey values²]",
+        *words,
     )
 
 
