@@ -10,16 +10,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flows.command.exit_code import OF_STATUS, complain, remark
-from flows.command.living_line import living_line
-from flows.command.progress import show_progress
+from flows.command.execution import ended, outcome_of
 from flows.command.screen_table import figure, screen_table
 from flows.runs.examination_request import ExaminationRequest
-from flows.runs.project_run import RunOutcome, carry_out
-from flows.server.prefect_settings import prepare_prefect, server_to_report_to
+from flows.runs.project_run import RunOutcome
 from flows.stories.image_quality import image_quality, stages_of
-from tasks.files.json_text import JSON, json_text
-from tasks.results.summary import Summary
+from tasks.files.json_text import JSON
 
 
 def execute_image_quality(
@@ -33,33 +29,15 @@ def execute_image_quality(
 ) -> int:
     """Run, and show the result; returns the exit code. Wrong settings raise InputError."""
     request = ExaminationRequest(source, out, overrides, data)
-    address = server_to_report_to(server, remark)
-    console = show_progress(on_screen=address is None)
-    if address is None:
-        with living_line(console, request.directory, stages_of(request.read())):
-            outcome = carry_out(image_quality, request)
-    else:
-        outcome = _reported_to(address, request)
-    if as_json:
-        print(json_text(outcome.summary.to_json(), indent=2))
-    elif outcome.error is None:
-        _show(outcome.summary, outcome.directory)
-    if outcome.error is not None:
-        complain(outcome.error)
-    return OF_STATUS[outcome.summary.status]
+    outcome = outcome_of(
+        request, "image_quality", lambda: image_quality, server, lambda: stages_of(request.read())
+    )
+    return ended(outcome, _show, as_json=as_json)
 
 
-def _reported_to(address: str, request: ExaminationRequest) -> RunOutcome:
-    """Run as a Prefect flow: the work is done here, the server sees states and logs."""
-    prepare_prefect(address)
-    from flows.serving import registered
-
-    return registered.run_and_report(request, registered.image_quality)
-
-
-def _show(summary: Summary, directory: Path) -> None:
+def _show(outcome: RunOutcome) -> None:
     """Problems, a line for each band of scenes, and where the page is."""
-    console = Console()
+    console, summary = Console(), outcome.summary
     for sentence in summary.problems:
         console.print(Text(f"• {sentence}", style="yellow"))
     for gate in summary.gates:
@@ -69,7 +47,7 @@ def _show(summary: Summary, directory: Path) -> None:
     figures = (summary.model_extra or {}).get("image_quality")
     if figures is not None:
         console.print(_bands(figures))
-    console.print(Text(f"\nPage: {directory / 'image_quality.html'}"), soft_wrap=True)
+    console.print(Text(f"\nPage: {outcome.directory / 'image_quality.html'}"), soft_wrap=True)
 
 
 def _bands(figures: Mapping[str, JSON]) -> Table:

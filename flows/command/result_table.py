@@ -14,7 +14,6 @@ from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.screen_table import facts_table, figure, screen_table
 from flows.command.two_step_table import two_step_table
 from flows.runs.project_run import RunOutcome
-from tasks.files.json_text import json_text
 from tasks.results.figures import figures_of
 from tasks.results.summary import Summary
 
@@ -30,16 +29,9 @@ _MOST_DECIMALS = 7
 _SHOWN_PARAMETERS = 30
 
 
-def show_result(outcome: RunOutcome, *, as_json: bool) -> None:
-    """Print the outcome on standard output: only the JSON summary, or tables."""
-    if as_json:
-        # Plain print: no styling, no wrapping of long lines.
-        print(json_text(outcome.summary.to_json(), indent=2))
-        return
-    if outcome.error is not None:
-        return
-    console = Console()
-    console.print(result_table(outcome))
+def show_result(outcome: RunOutcome) -> None:
+    """Print the outcome on standard output as tables."""
+    Console().print(result_table(outcome))
 
 
 def result_table(outcome: RunOutcome) -> RenderableType:

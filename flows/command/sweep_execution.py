@@ -10,14 +10,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from flows.command.exit_code import OF_STATUS, complain, remark
-from flows.command.progress import show_progress
+from flows.command.execution import ended, outcome_of
 from flows.command.result_table import where_results_are
 from flows.command.screen_table import screen_table
-from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, Story
 from flows.runs.workers import use_cluster
-from flows.server.prefect_settings import prepare_prefect, server_to_report_to
-from tasks.files.json_text import JSON, json_text
+from tasks.files.json_text import JSON
 
 
 def execute_sweep(
@@ -33,30 +31,13 @@ def execute_sweep(
     """Run the sweep of a project and show the result; returns the exit code."""
     use_cluster(dask)
     request = RunRequest.of(project_file, out, overrides, data)
-    address = server_to_report_to(server, remark)
-    show_progress(on_screen=address is None)
-    outcome = _in_process(request) if address is None else _reported_to(address, request)
-    if as_json:
-        print(json_text(outcome.summary.to_json(), indent=2))
-    elif outcome.error is None:
-        _show(outcome)
-    if outcome.error is not None:
-        complain(outcome.error)
-    return OF_STATUS[outcome.summary.status]
 
+    def story() -> Story:
+        from flows.stories.scenario_sweep import sweep_of
 
-def _in_process(request: RunRequest) -> RunOutcome:
-    from flows.stories.scenario_sweep import sweep_of
+        return sweep_of(request)
 
-    return carry_out(sweep_of(request), request)
-
-
-def _reported_to(address: str, request: RunRequest) -> RunOutcome:
-    """Run as a Prefect flow: the work is done here, the server sees states and logs."""
-    prepare_prefect(address)
-    from flows.serving.registered import run_and_report, scenario_sweep
-
-    return run_and_report(request, scenario_sweep)
+    return ended(outcome_of(request, "scenario_sweep", story, server), _show, as_json=as_json)
 
 
 def _show(outcome: RunOutcome) -> None:
