@@ -8,7 +8,8 @@ import pandas as pd
 from adjust.arrays import Floats
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.document_kit import palette
-from tasks.document_kit.table import Column, Number, Row, Table, text_column
+from tasks.document_kit.row_table import number_of, table_of, text_of
+from tasks.document_kit.table import Number, Table
 from tasks.documents.certificate import quantities
 from tasks.documents.certificate.content import (
     Block,
@@ -107,21 +108,19 @@ def strongest_table(correlation: Floats, names: list[str]) -> Table:
     first, second = np.tril_indices(len(names), -1)
     size = np.abs(correlation[first, second])
     chosen = [int(i) for i in np.argsort(-size, kind="stable") if size[i] >= LEAST_LISTED]
-    rows = tuple(
-        Row(
-            f"{names[second[i]]}|{names[first[i]]}",
-            (
-                names[second[i]],
-                names[first[i]],
-                Number(float(correlation[first[i], second[i]]), 3, plus=True),
-            ),
-        )
+    rows = [
+        {
+            "first": names[second[i]],
+            "second": names[first[i]],
+            "correlation": correlation[first[i], second[i]],
+        }
         for i in chosen[:MOST_LISTED]
-    )
-    columns = (
-        text_column("first", "parameter"),
-        text_column("second", "and"),
-        Column("correlation", "correlation"),
+    ]
+    shown = (
+        text_of("first", "parameter"),
+        text_of("second", "and"),
+        number_of("correlation", "correlation", decimals=3, plus=True),
     )
     note = "" if len(chosen) <= MOST_LISTED else f"The {MOST_LISTED} strongest of {len(chosen)}."
-    return Table("strongest-correlations", f"Correlations from {LEAST_LISTED:g} on", columns, rows, note)
+    caption = f"Correlations from {LEAST_LISTED:g} on"
+    return table_of("strongest-correlations", caption, shown, rows, "{first}|{second}", note)

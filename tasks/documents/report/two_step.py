@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TypeAlias
 
 from tasks.document_kit.row_table import number_of, table_of, text_of
-from tasks.document_kit.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
+from tasks.document_kit.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
 from tasks.quantities import quantity_words
 from tasks.results.calibration_figures import (
-    OffsetTestFigure,
     StripGroupFigure,
     TwoStepFigure,
     TwoStepParameterFigure,
@@ -108,43 +107,36 @@ def _means(
 
 
 def _tests(cameras: Sequence[TwoStepFigure]) -> Table:
-    columns = (
-        text_column("camera", "camera"),
-        text_column("tested", "tested"),
-        text_column("against", "against"),
-        Column("chi_squared", "χ²"),
-        Column("freedom", "degrees of freedom"),
-        Column("variance_freedom", "of the variance"),
-        Column("probability", "probability by chance"),
-    )
     # With one flight or one mounting there is nothing to compare.
-    rows = tuple(
-        _test_row(camera.camera, test)
+    rows = [
+        {"camera": camera.camera, "words": _tested(test.tested), **test.model_dump()}
         for camera in cameras
         for test in camera.tests
         if test.probability is not None or "_by_" not in test.tested
+    ]
+    shown = (
+        text_of("camera", "camera"),
+        text_of("tested", "tested", lambda row: row["words"][0]),
+        text_of("against", "against", lambda row: row["words"][1]),
+        number_of("chi_squared", "χ²", decimals=1),
+        number_of("freedom", "degrees of freedom"),
+        number_of("variance_freedom", "of the variance"),
+        number_of("probability", "probability by chance", decimals=4),
     )
     note = (
         "χ² is the decrease in the sum of squares of the strip residuals, divided by their variance, which "
         "is estimated from the strips: the probability is that of the F-test. Horizontal only: in height, a "
         "shift cannot be separated from a lever arm. –: these strips do not separate the two."
     )
-    return Table("two-step-tests", "Tests of lever arm and GNSS shift", columns, rows, note)
-
-
-def _test_row(camera: str, test: OffsetTestFigure) -> Row:
-    name, _, by = test.tested.partition("_by_")
-    tested, against = _TESTED.get(test.tested, (f"{name} of each {by}", f"one {name}"))
-    cells: tuple[Cell, ...] = (
-        camera,
-        tested,
-        against,
-        *numbers((test.chi_squared,), 1),
-        Number(test.freedom),
-        Number(test.variance_freedom),
-        *numbers((test.probability,), 4),
+    return table_of(
+        "two-step-tests", "Tests of lever arm and GNSS shift", shown, rows, "{camera}@{tested}", note
     )
-    return Row(f"{camera}@{test.tested}", cells)
+
+
+def _tested(test: str) -> tuple[str, str]:
+    """What is tested against what, in words."""
+    name, _, by = test.partition("_by_")
+    return _TESTED.get(test, (f"{name} of each {by}", f"one {name}"))
 
 
 def parameter_table(parameters: Sequence[TwoStepParameterFigure]) -> Table:
