@@ -58,6 +58,16 @@ def test_axes_of_one_thing_are_one_cause_and_the_likeliest_comes_first() -> None
     assert "+10 ± 0.1 ms" in found[1].sentence
 
 
+def test_a_finding_that_later_ones_explain_in_part_states_both_statistics() -> None:
+    rows = [
+        row("lever_arm_x", 1, 0.008, t=9.0),
+        row("time_offset", 2, 0.010, unit="s", explained_sigma=0.0001),
+    ]
+    first, second = model_findings(pd.DataFrame(rows))
+    assert "(t = 9.0 alone, 0.8 beside the other findings, critical value 4.3)" in first.sentence
+    assert "(t = 100.0, critical value" in second.sentence
+
+
 def test_a_wrong_place_is_said_in_directions() -> None:
     rows = [
         row("control_point_x", 1, -0.375, entity="C051"),
