@@ -37,11 +37,14 @@ service-deps:
 	apt-get update -q
 	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium nginx-light postgresql poppler-utils systemd
 
+# Files and folders that mark service tests; three workers would load all other tests for nothing.
+SERVICE_TESTS = $(sort $(patsubst %/conftest.py,%,$(shell grep -rl --include='*.py' 'mark\.service' tests)))
+
 # A missing service is a failure here, never a skip. In the order of the files: the tests of one share a server.
 # Three at a time on two processors, because half of the time is waiting; no more, because some of them measure
 # how long an end takes.
 service-test: $(STAMP)
-	$(BIN)/python -m pytest -m service -p no:randomly --numprocesses 3 --dist loadfile --no-loadscope-reorder $(OPTIONS)
+	$(BIN)/python -m pytest $(SERVICE_TESTS) -m service -p no:randomly --numprocesses 3 --dist loadfile --no-loadscope-reorder $(OPTIONS)
 
 slow-test: $(STAMP)
 	$(BIN)/python -m pytest -m slow $(OPTIONS)

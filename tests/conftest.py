@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import gc
+import importlib
 import os
 import signal
 import subprocess
@@ -30,6 +31,11 @@ os.environ["PREFECT_HOME"] = _prefect_home.name
 # A server that somebody runs on this machine must not hear of the tests.
 os.environ["AEROCAL_STATE"] = str(Path(_prefect_home.name) / "state")
 os.environ["DO_NOT_TRACK"] = "1"
+#: Names the folder that all workers of pytest-xdist share. The process that starts them makes and removes it.
+SHARED_VARIABLE = "AEROCAL_TESTS_SHARED"
+if SHARED_VARIABLE not in os.environ:
+    _shared = tempfile.TemporaryDirectory(prefix="aerocal-tests-shared-")
+    os.environ[SHARED_VARIABLE] = _shared.name
 # Whichever test has Prefect set up its logging first: our messages outside a run are no warning.
 os.environ["PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW"] = "ignore"
 os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
@@ -42,6 +48,22 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 # The same examples in every run, and no test that fails because the machine has other work.
 hypothesis.settings.register_profile("aerocal", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("aerocal")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Every second worker loads all test files from the last to the first.
+
+    In a fresh clone pytest rewrites the assertions of a file when it loads it, and stores what comes out. Two
+    workers meet in the middle, so that each rewrites half of the files.
+    """
+    number = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    if number % 2 == 0 or session.config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
+        return
+    for file in sorted(REPOSITORY.glob("tests/**/test_*.py"), reverse=True):
+        # What cannot be loaded is reported when it is collected.
+        with contextlib.suppress(Exception, pytest.skip.Exception):
+            importlib.import_module(".".join(file.relative_to(REPOSITORY).with_suffix("").parts))
 
 
 def pytest_collection_finish() -> None:

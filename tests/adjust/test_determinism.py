@@ -59,8 +59,8 @@ def digests(threads: int) -> tuple[str, str]:
 
 
 def test_results_are_the_same_bytes_for_any_number_of_threads_and_in_every_run() -> None:
-    one, again, several = digests(1), digests(1), digests(4)
-    assert one[0] == again[0]
+    # Two processes: what differs from run to run would differ here as well.
+    one, several = digests(1), digests(4)
     assert one[0] == several[0]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from benchmarks.growth import grow, phases
 from benchmarks.workload import Workload, simulated
 
@@ -12,6 +14,7 @@ def test_every_phase_takes_some_time() -> None:
     assert all(value > 0.0 for value in seconds.values())
 
 
+@pytest.mark.slow
 def test_a_size_is_measured_in_its_own_process_and_adjusted_completely() -> None:
     record = grow(Workload("tiny", 3, 6))
     assert record.name == "growth-tiny"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import functools
 import os
 import shutil
@@ -10,7 +11,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -24,10 +24,10 @@ from flows.server.api import Api
 from flows.server.server_process import SERVER_PASSWORD, free_port
 from flows.server.state_file import kept_password
 from tasks.production.records import Records
+from tests.conftest import SHARED_VARIABLE
 
 T = TypeVar("T")
 START_S = 200.0
-_MADE = tempfile.TemporaryDirectory(prefix="aerocal-tests-database-")
 
 
 def until(what: Callable[[], T], seconds: float, process: subprocess.Popen[bytes] | None = None) -> T:
@@ -143,11 +143,23 @@ asyncio.run(start())
 
 @functools.cache
 def _started_once() -> Path:
-    """Prefect's folder after a first start: its tables and kinds of blocks, which take it longest to make."""
-    home = Path(_MADE.name) / "prefect"
-    variables = {"PREFECT_HOME": str(home), "PREFECT_SERVER_ANALYTICS_ENABLED": "false", "DO_NOT_TRACK": "1"}
-    command = [sys.executable, "-c", _ONE_START]
-    subprocess.run(command, env={**environment(home), **variables}, capture_output=True, check=True)
+    """Prefect's folder after a first start: its tables and kinds of blocks, which take it longest to make.
+
+    The first worker that needs it makes it for all.
+    """
+    home = Path(os.environ[SHARED_VARIABLE]) / "prefect"
+    with home.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not home.exists():
+            made = home.with_suffix(".made")
+            variables = {
+                "PREFECT_HOME": str(made),
+                "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+                "DO_NOT_TRACK": "1",
+            }
+            command = [sys.executable, "-c", _ONE_START]
+            subprocess.run(command, env={**environment(made), **variables}, capture_output=True, check=True)
+            made.rename(home)
     return home
 
 

@@ -87,9 +87,9 @@ def test_a_lever_arm_is_found_with_the_power_that_the_strips_allow() -> None:
         ]
         return float(np.mean([test.probability < 0.05 for test in tests]))
 
-    assert found(0.03, 400) > 0.65
-    assert found(0.06, 400) > 0.97
-    assert 0.03 < found(0.0, 1000) < 0.07
+    assert found(0.03, 200) > 0.65
+    assert found(0.06, 200) > 0.97
+    assert 0.03 < found(0.0, 600) < 0.07
 
 
 def test_in_one_direction_a_large_offset_stays_undecided() -> None:

@@ -173,6 +173,8 @@ def test_no_coordinate_of_a_check_point_enters(field: Path, tmp_path: Path) -> N
     assert (after["rmse_check_z_m"] > 4.5).all()
 
 
+# Daily, workers of a batch write the bytes of a run; the service tests compare one, two and those of Dask.
+@pytest.mark.slow
 def test_two_workers_write_the_same_bytes_as_one(field: Path, swept: Path, tmp_path: Path) -> None:
     assert sweep(field, tmp_path / "two", "--set", "sweep.workers=2").returncode == 0
     for name in ("sweep.parquet", "sweep.html"):
