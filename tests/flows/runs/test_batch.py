@@ -20,9 +20,9 @@ def digests(out: Path) -> dict[str, str]:
     return {entry["file"]: entry["sha256"] for entry in artifacts.values()}
 
 
-def copy_of(block: Path, name: str) -> Path:
-    """The same block in a folder of its own; its project file."""
-    folder = block.parent.with_name(name)
+def copy_of(block: Path, name: str, beside: Path | None = None) -> Path:
+    """The same block in a folder of its own, beside this or another one; its project file."""
+    folder = (beside or block).parent.with_name(name)
     shutil.copytree(block.parent, folder)
     return folder / block.name
 
@@ -34,16 +34,23 @@ def changed(project: Path, old: str, new: str) -> None:
 
 
 @pytest.fixture
-def projects(block: Path) -> dict[str, Path]:
-    """One that is done, one that fails a gate, one whose input is wrong, one without datum."""
-    found = {name: copy_of(block, name) for name in ("fine", "gated", "wrong", "floating")}
+def projects(block: Path, run_before: Path) -> dict[str, Path]:
+    """One that is done, one that was and fails a gate now, one whose input is wrong, one without datum."""
+    found = {
+        "fine": copy_of(block, "fine"),
+        "gated": copy_of(run_before / block.name, "gated", beside=block),
+        "wrong": copy_of(block, "wrong"),
+        "floating": copy_of(block, "floating"),
+    }
     changed(found["gated"], "sigma0 = { min = 0.7, max = 1.3 }", "sigma0 = { max = 0.1 }")
     changed(found["wrong"].with_name("control.csv"), "point,x", "pint,x")
     changed(found["floating"], "[inputs.control]", "[unused]")
     return found
 
 
-def test_one_that_fails_stops_no_other_and_every_end_is_told(block: Path, projects: dict[str, Path]) -> None:
+def test_one_that_fails_stops_no_other_and_every_end_is_told(
+    run_before: Path, projects: dict[str, Path]
+) -> None:
     floating = projects.pop("floating")
     missing = floating.with_name("missing.toml")
     done = aerocal("batch", *projects.values(), missing, "--workers", "2", "--json")
@@ -62,13 +69,11 @@ def test_one_that_fails_stops_no_other_and_every_end_is_told(block: Path, projec
     # A mistyped project leaves no folder of results.
     assert not (floating.parent / "results").exists()
     # A worker has written the bytes of a run.
-    assert aerocal("run", block, "--server", "none").returncode == 0
-    assert digests(projects["fine"].parent / "results") == digests(block.parent / "results")
+    assert digests(projects["fine"].parent / "results") == digests(run_before / "results")
 
 
-def test_a_batch_goes_on_where_it_stood(block: Path) -> None:
-    assert aerocal("run", block, "--server", "none").returncode == 0
-    other = copy_of(block, "other")
+def test_a_batch_goes_on_where_it_stood(warm_block: Path) -> None:
+    block, other = warm_block, copy_of(warm_block, "other")
     shutil.rmtree(other.parent / "results")
     done = aerocal("batch", block.parent, other.parent, "--workers", "1")
     assert done.returncode == 0, done.stderr
