@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 import pytest
@@ -12,9 +11,9 @@ EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
-def test_example_prints_what_its_header_promises(path: Path) -> None:
+def test_example_prints_what_its_header_promises(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     header = path.read_text(encoding="utf-8").split('"""')[1]
     promised = [line.strip() for line in header.splitlines() if line.startswith("    ")]
     assert promised
-    done = subprocess.run([sys.executable, path], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines() == promised
+    runpy.run_path(str(path), run_name="__main__")
+    assert capsys.readouterr().out.splitlines() == promised
