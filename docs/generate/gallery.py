@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 _DOCS = Path(__file__).resolve().parents[1]
@@ -38,17 +39,27 @@ def printed(page: str) -> str:
     return match[2]
 
 
-def carry_out(place: Path) -> tuple[str, Path]:
+def _program(arguments: list[str], place: Path) -> str:
+    """What the program prints to standard output when it is started in a folder."""
+    done = subprocess.run(
+        [Path(sys.executable).with_name("aerocal"), *arguments],
+        cwd=place,
+        env={**os.environ, "COLUMNS": "80"},
+        check=True,
+        stdout=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+    )
+    return done.stdout
+
+
+def carry_out(place: Path, aerocal: Callable[[list[str], Path], str] = _program) -> tuple[str, Path]:
     """Carry out the commands in a folder: what ``aerocal run`` prints, and the folder of the figures."""
-    program, shown = Path(sys.executable).with_name("aerocal"), ""
+    shown = ""
     for command in commands():
-        arguments = [program, *command.split()]
-        of_80 = {**os.environ, "COLUMNS": "80"}
-        done = subprocess.run(
-            arguments, cwd=place, env=of_80, check=True, stdout=subprocess.PIPE, text=True, encoding="utf-8"
-        )
+        printed_by_it = aerocal(command.split(), place)
         if command.startswith("run "):
-            shown = "\n".join(line.rstrip() for line in done.stdout.strip().splitlines()) + "\n"
+            shown = "\n".join(line.rstrip() for line in printed_by_it.strip().splitlines()) + "\n"
     return shown, place / "block" / "results" / "figures"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import xml.etree.ElementTree as ET
 from itertools import zip_longest
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from docs.generate.gallery import KEPT, PAGE, carry_out, pictures, printed
+from tests.command_line import aerocal
 from tests.docs.test_examples_in_pages import run
 
 # All kernels may have to be compiled before.
@@ -37,7 +39,14 @@ def difference(found: Path, kept: Path) -> str:
 @pytest.fixture(scope="module")
 def carried_out(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, Path]:
     place = tmp_path_factory.mktemp("gallery")
-    return place, *carry_out(place)
+    return place, *carry_out(place, in_process)
+
+
+def in_process(arguments: list[str], place: Path) -> str:
+    with contextlib.chdir(place):
+        done = aerocal(*arguments, COLUMNS="80")
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def test_every_picture_of_the_page_is_kept_and_none_is_left_over() -> None:
