@@ -143,7 +143,8 @@ def cell_accuracies(
     """
     cells, cell_start, seen, seen_start = groups
     border, errors = cofactor[4].shape[0], of_known.shape[2]
-    left, others = 0, np.empty(start.shape[0] - 1, np.int64)
+    # Not a literal, for which callees would be compiled once more.
+    left, others = np.int64(0), np.empty(start.shape[0] - 1, np.int64)
     of_rays, of_unknown, of_cells, places_of_rays, joint, products, of_pairs = scratch(
         largest_step(seen_start), columns.shape[1], errors, border
     )
@@ -158,7 +159,7 @@ def cell_accuracies(
         first, end = seen_start[group], cell_start[group + 1]
         k = seen_start[group + 1] - first
         d = places(first, first + k, seen, columns, place, used)
-        known, free, pair = space[: d * d].reshape(d, d), d > 6 * k, -1
+        known, free, pair = space[: d * d].reshape(d, d), d > 6 * k, np.int64(-1)
         gather(first, first + k, seen, used, cofactor, scale, known)
         for at in range(cell_start[group], end, LANES):
             count = min(LANES, end - at)
@@ -170,10 +171,9 @@ def cell_accuracies(
             derivatives(k, m, first, seen, ray, geometry, free, where, slopes, exposures, systems, points)
             put_errors(k, m, ray, of_known, knowns)
             if not whole:
-                leave_out(k, m, there, 12, exposures)
-                leave_out(k, m, there, 6, points)
-                leave_out(k, m, there, 2 * columns.shape[1], systems)
-                leave_out(k, m, there, 2 * errors, knowns)
+                leave_out(
+                    k, m, there, columns.shape[1], errors, exposures, points, systems, knowns
+                )  # fmt: skip
             gains(k, m, points, normals, of_cell, gain)
             of_unknowns(k, m, d, place, gain, exposures, systems, errors, knowns, f, f_errors)
             np.dot(known, f[: 3 * d * m].reshape(d, 3 * m), movement[: 3 * d * m].reshape(d, 3 * m))

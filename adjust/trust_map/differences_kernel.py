@@ -21,7 +21,7 @@ def of_common_rays(
     put_cells(m, cell, x_in_local, axes, where)
     derivatives(k, m, first, seen, ray, geometry, free, where, slopes, exposures, systems, points)
     put_errors(k, m, ray, of_known, knowns)
-    leave_out(k, m, there, 6, points)
+    leave_out(k, m, there, place.shape[1], errors, exposures, points, systems, knowns)
     gains(k, m, points, normals, of_cell, gain)
     of_unknowns(k, m, d, place, gain, exposures, systems, errors, knowns, f, f_errors)
 

@@ -108,7 +108,8 @@ def groups_of_sets(runs, begun, large, order, start, image):
         np.empty(2 * most + _MOST_MORE, np.int64),
     )
     cell_start, seen_start = np.zeros(order.shape[0] + 1, np.int64), np.zeros(order.shape[0] + 1, np.int64)
-    groups, filled, known, least = 0, 0, 0, 0
+    # Not literals, for which callees would be compiled once more.
+    groups, filled, known, least = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for s in order:
         j, own = runs[begun[s], 0], 0
         for r in range(begun[s], begun[s + 1]):
@@ -176,8 +177,8 @@ def rays_of_group(k, m, cell, first, seen, start, image, ray, there):
     return whole
 
 
-@kernel
-def leave_out(k, m, there, rows, values):
+@small_kernel
+def clear_where_not(k, m, there, rows, values):
     """Zeros in so many rows of each ray of m cells that is not there."""
     for a in range(k):
         for j in range(rows):
@@ -185,3 +186,12 @@ def leave_out(k, m, there, rows, values):
             for n in range(m):
                 value = values[np.uintp(own + n)]
                 values[np.uintp(own + n)] = value if there[np.uintp(a * LANES + n)] != 0.0 else 0.0
+
+
+@kernel
+def leave_out(k, m, there, width, errors, exposures, points, systems, knowns):
+    """Zeros in all derivatives of the rays of m cells that are not there."""
+    clear_where_not(k, m, there, np.int64(12), exposures)
+    clear_where_not(k, m, there, np.int64(6), points)
+    clear_where_not(k, m, there, 2 * width, systems)
+    clear_where_not(k, m, there, 2 * errors, knowns)

@@ -129,7 +129,7 @@ def variances_of_pair(
         add_crossed(m, errors * a + q, 7, of_known, errors * b + q, 9, of_known, rows, found, c)
 
 
-@kernel
+@small_kernel
 def add_crossed(m, i, of_i, one, j, of_j, other, rows, found, c):
     """Add twice the product of two pairs of rows, 2 i and 2 j, each weighed with two rows."""
     for n in range(m):
@@ -186,14 +186,14 @@ def best_pairs(
                 if found[2 * LANES + n] < best[n]:
                     best[n], chosen[n] = found[2 * LANES + n], pair
     for n in range(m):
-        pair = chosen[n]
+        pair, of_pair[2 * LANES + n] = chosen[n], best[n]
         for before in range(n):
             if chosen[before] == pair:
                 pair = -1
         if pair < 0:
             continue
         inverses_of_pair(m, pair // k, pair % k, normals, rows)
-        for c in range(3):
+        for c in range(2):
             variances_of_pair(
                 k, m, pair // k, pair % k, c, d, space, place, of_point, own, of_exposure, of_system,
                 crossing, both, errors, of_known, variance, rows, found,
