@@ -200,9 +200,7 @@ def _finding(
     alone = abs(float(str(likeliest["t"])))
     # Later findings may explain part of it; each was significant when it was found.
     size = (
-        f"{abs(t):.1f}"
-        if abs(t) >= critical
-        else f"{alone:.1f} alone, {abs(t):.1f} beside the other findings"
+        f"{abs(t):.1f}" if abs(t) >= critical else f"{alone:.1f} alone, {abs(t):.1f} with the other findings"
     )
     tested = f"(t = {size}, critical value {critical:.1f}{runner_up})"
     remedy = words.remedy if part or not words.whole else f"{words.whole} {words.remedy}"

@@ -64,7 +64,7 @@ def test_a_finding_that_later_ones_explain_in_part_states_both_statistics() -> N
         row("time_offset", 2, 0.010, unit="s", explained_sigma=0.0001),
     ]
     first, second = model_findings(pd.DataFrame(rows))
-    assert "(t = 9.0 alone, 0.8 beside the other findings, critical value 4.3)" in first.sentence
+    assert "(t = 9.0 alone, 0.8 with the other findings, critical value 4.3)" in first.sentence
     assert "(t = 100.0, critical value" in second.sentence
 
 
