@@ -6,6 +6,7 @@ from flows.runs.stage import stage
 from flows.stories.aerial_triangulation import adjusted_block, deliver, remarks_on, report_of
 from flows.stories.block_preparation import prepare_block
 from tasks.documents.report.provenance import delivered_names
+from tasks.errors import InputError
 from tasks.georeferencing import approved_calibrations as choosing
 from tasks.georeferencing.registered_calibration import RegisteredCalibration
 from tasks.results import publish as publishing
@@ -24,7 +25,19 @@ def direct_georeferencing_check(project: Project, store: Store) -> Summary:
     """Read the deliveries, georeference them with the calibration, compare, report and publish the result.
 
     The calibration may be what the project's own adjustment estimates; then that is done first.
+
+    Raises
+    ------
+    InputError
+        If the project has a rig: its heads would count one reading of GNSS and INS several times.
     """
+    if project.has_heads:
+        raise InputError(
+            "The check of direct georeferencing is of single cameras; the project has a rig of several heads "
+            "that share one reading of GNSS and INS.",
+            "Adjust the block with its control points as check points (`role` check): their differences show "
+            "what GNSS, INS and the calibration of the rig give together with the image points.",
+        )
     block = prepare_block(project, store)
     adjusts = project.direct_georeferencing.calibration.adjustment
     stages = block.stages

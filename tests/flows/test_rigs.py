@@ -11,6 +11,7 @@ import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
+from flows.stories.direct_georeferencing_check import direct_georeferencing_check
 from flows.stories.system_calibration import system_calibration
 from tasks.errors import InputError
 from tasks.settings.load import load_project
@@ -120,6 +121,11 @@ def test_the_trust_map_shows_ground_that_two_events_see(flight: Path, tmp_path: 
     assert cells.loc[cells["rays"] >= 8, "sigma_z_m"].max() < 0.06
     assert (cells["block_error_z_m"] > 0.0).all()
     assert 'id="trust"' in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_check_of_direct_georeferencing_is_refused(flight: Path, tmp_path: Path) -> None:
+    found = carry_out(direct_georeferencing_check, RunRequest(flight, tmp_path / "out"))
+    assert "share one reading of GNSS and INS" in str(found.error)
 
 
 def test_names_of_images_decide_nothing(flight: Path, results: Path, tmp_path: Path) -> None:
