@@ -119,6 +119,9 @@ def _is_utf8(piece: bytes) -> bool:
 def _end_of_rows(content: bytes, end: bytes) -> int:
     """Behind the last end of a line that does not lie in quotation marks; 0: there is none."""
     cut = content.rfind(end) + 1
+    # Found to be nowhere ten times as fast as counted.
+    if b'"' not in content:
+        return cut
     marks = content.count(b'"', 0, cut)
     while cut and marks % 2:
         before = content.rfind(end, 0, cut - 1) + 1

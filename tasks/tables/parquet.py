@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, cast
 
@@ -132,10 +133,19 @@ def _write(
     with pq.ParquetWriter(
         path, fields.with_metadata(metadata), compression="zstd", use_dictionary=texts
     ) as writer:
-        for group in _row_groups(tables):
-            rows += len(group)
-            complete = with_geometry(group, schema) if schema.coordinates else group
-            writer.write_table(complete.replace_schema_metadata(metadata), row_group_size=ROW_GROUP)
+        # While a group is encoded and compressed, the next one is made.
+        with ThreadPoolExecutor(1) as beside:
+            written: Future[None] | None = None
+            for group in _row_groups(tables):
+                rows += len(group)
+                complete = with_geometry(group, schema) if schema.coordinates else group
+                if written is not None:
+                    written.result()
+                written = beside.submit(
+                    writer.write_table, complete.replace_schema_metadata(metadata), row_group_size=ROW_GROUP
+                )
+            if written is not None:
+                written.result()
         if rows == 0:
             # Not every reader takes a file without any row group.
             writer.write_table(writer.schema.empty_table())
