@@ -17,7 +17,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
-from tasks.settings.base import Settings
+from tasks.settings.base import Settings, meaning_of
 from tasks.settings.burn_in import BurnInSettings
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, HeldSigmas, MountingSettings
 from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles, HeadSettings
@@ -195,7 +195,7 @@ def settings_section(title: str, model: type[Settings], remark: str = "") -> Ite
             and name in TableSettings.model_fields
         ):
             continue
-        meaning = (field.description or "").replace("|", "\\|")
+        meaning = meaning_of(model, name).replace("|", "\\|")
         yield f"| `{name}` | {_kind(field.annotation, field)} | {_default(field)} | {meaning} |"
     yield ""
 

@@ -14,60 +14,48 @@ Number = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 class RunForm(BaseModel):
     """Settings of one run; unchanged ones come from the project file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     rejection: Literal["as in the project file", "none", "3.29", "4.13"] = Field(
-        default=AS_GIVEN,
-        title="Rejection of gross errors",
-        description="Critical value: 4.13 gives one false alarm in 20 blocks of 1,500 observations, 3.29 one "
-        "in 1,000 observations; `none`: no rejection.",
+        default=AS_GIVEN, title="Rejection of gross errors"
     )
+    """Critical value: 4.13 gives one false alarm in 20 blocks of 1,500 observations, 3.29 one in 1,000
+    observations; `none`: no rejection.
+    """
     rejection_test: Literal["as in the project file", "components", "observations"] = Field(
-        default=AS_GIVEN,
-        title="Tested quantity",
-        description="Single components of an observation, or both coordinates of an image point together.",
+        default=AS_GIVEN, title="Tested quantity"
     )
+    """Single components of an observation, or both coordinates of an image point together."""
     robust: Literal["as in the project file", "huber", "cauchy", "tukey", "biber", "danish"] = Field(
-        default=AS_GIVEN,
-        title="Robust search before the tests",
-        description="Weight function for blocks with very many wrong observations.",
+        default=AS_GIVEN, title="Robust search before the tests"
     )
+    """Weight function for blocks with very many wrong observations."""
     self_calibration: Literal[
         "as in the project file", "none", "bluh:1-12", "brown:K1,K2", "ebner", "gruen"
-    ] = Field(
-        default=AS_GIVEN,
-        title="Additional parameters",
-        description="Set of additional parameters of the cameras.",
-    )
+    ] = Field(default=AS_GIVEN, title="Additional parameters")
+    """Set of additional parameters of the cameras."""
     refraction: Literal["as in the project file", "standard", "none"] = Field(
-        default=AS_GIVEN,
-        title="Refraction",
-        description="`none` for image points that are already corrected for refraction.",
+        default=AS_GIVEN, title="Refraction"
     )
+    """`none` for image points that are already corrected for refraction."""
     datum: Literal["as in the project file", "observations", "free_network"] = Field(
-        default=AS_GIVEN,
-        title="Datum",
-        description="`free_network`: the undetermined part is fixed by inner constraints.",
+        default=AS_GIVEN, title="Datum"
     )
+    """`free_network`: the undetermined part is fixed by inner constraints."""
     sigma0: Literal["as in the project file", "a_posteriori", "a_priori"] = Field(
-        default=AS_GIVEN,
-        title="σ0 of the standard deviations",
-        description="`a_priori`: the stated σ of the observations are taken as known.",
+        default=AS_GIVEN, title="σ0 of the standard deviations"
     )
+    """`a_priori`: the stated σ of the observations are taken as known."""
     variance_components: Literal["as in the project file", "yes", "no"] = Field(
-        default=AS_GIVEN,
-        title="Estimate the σ of the groups",
-        description="Factors for the σ of image points, control, GNSS, INS and priors from the residuals.",
+        default=AS_GIVEN, title="Estimate the σ of the groups"
     )
+    """Factors for the σ of image points, control, GNSS, INS and priors from the residuals."""
     max_iterations: Annotated[int, Field(ge=1, le=200)] | None = Field(
-        default=None,
-        title="Maximum number of iterations",
-        description="After this number, the adjustment is regarded as divergent; good initial values "
-        "need 2 to 5.",
+        default=None, title="Maximum number of iterations"
     )
-    sigma0_limit: Number | None = Field(
-        default=None, title="Gate: largest σ0", description="σ0 a posteriori / a priori, e.g. 1.2."
-    )
+    """After this number, the adjustment is regarded as divergent; good initial values need 2 to 5."""
+    sigma0_limit: Number | None = Field(default=None, title="Gate: largest σ0")
+    """σ0 a posteriori / a priori, e.g. 1.2."""
 
     def overrides(self) -> tuple[str, ...]:
         """What the form changes in the project file, each as ``a.b.c=VALUE``."""

@@ -24,32 +24,27 @@ ObservedGroup: TypeAlias = Literal["gnss", "ins", "control"]
 class Rejection(Settings):
     """Rejection of gross errors."""
 
-    critical_value: Annotated[Real, Field(gt=1.0, allow_inf_nan=False)] | None = Field(
-        default=4.13,
-        description="Observations whose standardized residual exceeds it are rejected. Written as "
-        '`rejection = { critical_value = 4.13 }`, or `rejection = "none"`. Default 4.13: '
-        "one false alarm in 20 blocks of 1,500 observations; 3.29 means one in 1,000 "
-        "observations. If the value is too small, the results look better than they are.",
-    )
-    test: Literal["components", "observations"] = Field(
-        default="components",
-        description="Test statistic: `components` (the largest standardized residual of an "
-        "observation) or `observations` (both coordinates of an image point, or all "
-        "three of a control point, together, converted to a normal variable of the same "
-        "probability). With `observations`, the rate of false alarms corresponds to the "
-        "critical value; with `components`, it is up to two or three times as high.",
-    )
-    reference_variance: Literal["a_priori", "a_posteriori"] = Field(
-        default="a_priori",
-        description="The σ0 of the tests: `a_priori` (1) or `a_posteriori` (from the residuals; the "
-        "τ-test), for deliveries whose σ are not reliable.",
-    )
-    robust: Literal["huber", "cauchy", "tukey", "biber", "danish"] | None = Field(
-        default=None,
-        description="Weight function of a robust estimation that searches for gross errors before "
-        "the tests; for blocks with very many wrong observations. It is used only for "
-        "detection; no observation is down-weighted in the results.",
-    )
+    critical_value: Annotated[Real, Field(gt=1.0, allow_inf_nan=False)] | None = 4.13
+    """Observations whose standardized residual exceeds it are rejected. Written as `rejection = {
+    critical_value = 4.13 }`, or `rejection = "none"`. Default 4.13: one false alarm in 20 blocks of 1,500
+    observations; 3.29 means one in 1,000 observations. If the value is too small, the results look better
+    than they are.
+    """
+    test: Literal["components", "observations"] = "components"
+    """Test statistic: `components` (the largest standardized residual of an observation) or `observations`
+    (both coordinates of an image point, or all three of a control point, together, converted to a normal
+    variable of the same probability). With `observations`, the rate of false alarms corresponds to the
+    critical value; with `components`, it is up to two or three times as high.
+    """
+    reference_variance: Literal["a_priori", "a_posteriori"] = "a_priori"
+    """The σ0 of the tests: `a_priori` (1) or `a_posteriori` (from the residuals; the τ-test), for deliveries
+    whose σ are not reliable.
+    """
+    robust: Literal["huber", "cauchy", "tukey", "biber", "danish"] | None = None
+    """Weight function of a robust estimation that searches for gross errors before the tests; for blocks with
+    very many wrong observations. It is used only for detection; no observation is down-weighted in the
+    results.
+    """
 
     @model_validator(mode="before")
     @classmethod
@@ -64,159 +59,111 @@ class Rejection(Settings):
 class Priors(Settings):
     """Standard deviations of directly observed parameters; a parameter without one is not observed."""
 
-    boresight_deg: PositiveTriple | None = Field(
-        default=None,
-        description="Boresight roll, pitch, yaw about its initial value, degrees; one number or three.",
-    )
-    lever_arm_m: PositiveTriple | None = Field(
-        default=None, description="Lever arm about its initial value (body axes), m; one number or three."
-    )
-    gnss_shift_m: PositiveTriple | None = Field(
-        default=None, description="GNSS shift of a flight about zero, m; one number or three."
-    )
-    gnss_strip_bias_m: PositiveTriple = Field(
-        default=(0.03, 0.03, 0.03),
-        description="GNSS bias of a strip about the shift of its flight, m; one number or three. "
-        "Default 0.03 m: the part of slowly changing GNSS errors that is common to a "
-        "strip.",
-    )
-    gnss_drift_m_s: PositiveTriple | None = Field(
-        default=None, description="GNSS drift of a strip about zero, m/s; one number or three."
-    )
-    ins_strip_bias_deg: PositiveTriple | None = Field(
-        default=None,
-        description="INS bias of a strip (roll, pitch, yaw) about zero, degrees; one number or three.",
-    )
-    ins_drift_deg_s: PositiveTriple | None = Field(
-        default=None, description="INS drift of a strip about zero, degrees per second; one number or three."
-    )
-    time_offset_s: Positive | None = Field(
-        default=None, description="Time offset between exposures and trajectory about zero, s."
-    )
-    focal_length_mm: Positive | None = Field(
-        default=None, description="Focal length about the camera's value, mm."
-    )
-    principal_point_mm: PositivePair | None = Field(
-        default=None, description="Principal point x, y about the camera's value, mm; one number or two."
-    )
-    relative_position_m: PositiveTriple | None = Field(
-        default=None,
-        description="Relative position of the heads of a rig about `position_m`, m; one number or three.",
-    )
-    relative_rotation_deg: PositiveTriple | None = Field(
-        default=None,
-        description="Relative rotation of the heads of a rig about `rotation_deg`, degrees; one number or "
-        "three.",
-    )
-    synchronisation_offset_s: Positive | None = Field(
-        default=None,
-        description="Synchronisation offset of the heads of a rig about the stated one, s.",
-    )
+    boresight_deg: PositiveTriple | None = None
+    """Boresight roll, pitch, yaw about its initial value, degrees; one number or three."""
+    lever_arm_m: PositiveTriple | None = None
+    """Lever arm about its initial value (body axes), m; one number or three."""
+    gnss_shift_m: PositiveTriple | None = None
+    """GNSS shift of a flight about zero, m; one number or three."""
+    gnss_strip_bias_m: PositiveTriple = (0.03, 0.03, 0.03)
+    """GNSS bias of a strip about the shift of its flight, m; one number or three. Default 0.03 m: the part of
+    slowly changing GNSS errors that is common to a strip.
+    """
+    gnss_drift_m_s: PositiveTriple | None = None
+    """GNSS drift of a strip about zero, m/s; one number or three."""
+    ins_strip_bias_deg: PositiveTriple | None = None
+    """INS bias of a strip (roll, pitch, yaw) about zero, degrees; one number or three."""
+    ins_drift_deg_s: PositiveTriple | None = None
+    """INS drift of a strip about zero, degrees per second; one number or three."""
+    time_offset_s: Positive | None = None
+    """Time offset between exposures and trajectory about zero, s."""
+    focal_length_mm: Positive | None = None
+    """Focal length about the camera's value, mm."""
+    principal_point_mm: PositivePair | None = None
+    """Principal point x, y about the camera's value, mm; one number or two."""
+    relative_position_m: PositiveTriple | None = None
+    """Relative position of the heads of a rig about `position_m`, m; one number or three."""
+    relative_rotation_deg: PositiveTriple | None = None
+    """Relative rotation of the heads of a rig about `rotation_deg`, degrees; one number or three."""
+    synchronisation_offset_s: Positive | None = None
+    """Synchronisation offset of the heads of a rig about the stated one, s."""
 
 
 class AdjustmentSettings(Settings):
     """The bundle adjustment."""
 
-    free: tuple[FreeParameter, ...] = Field(
-        default=(),
-        description='System parameters to estimate, e.g. `["boresight", "lever_arm"]`; all others '
-        "are held fixed at their given values.",
-    )
-    observe: tuple[ObservedGroup, ...] = Field(
-        default=("gnss", "ins", "control"),
-        description="Observations used in the adjustment in addition to the image points. Without "
-        "`gnss` or `ins`, the exposures still give approximate values; without "
-        "`control`, the control points become check points.",
-    )
-    self_calibration: SelfCalibrationSettings = Field(
-        default_factory=SelfCalibrationSettings, description="Additional parameters of the cameras."
-    )
-    datum: Literal["observations", "free_network"] = Field(
-        default="observations",
-        description="What fixes the datum of the block. `observations`: a datum defect is an error. "
-        "`free_network`: the undetermined part (of three shifts, three rotations, scale) "
-        "is fixed by inner constraints on approximate values; for blocks without GNSS "
-        "and control, and for blocks with height control only.",
-    )
-    inner_constraints: Literal["object_points", "projection_centres", "both"] = Field(
-        default="object_points",
-        description="The unknowns of a free network whose corrections to their approximate values "
-        "have minimum norm: `object_points` (from intersection with the exposures as "
-        "given), `projection_centres` (as given) or `both`. The standard deviations "
-        "refer to this datum.",
-    )
-    residual_grid: ResidualGridSettings = Field(
-        default_factory=ResidualGridSettings,
-        description="Mean residuals in sub-areas of the image, and corrections derived from them.",
-    )
-    refraction: Literal["standard", "none"] = Field(
-        default="standard",
-        description="Atmospheric refraction of the image rays: `standard` (ICAO atmosphere) or "
-        "`none`, for image points that are already corrected. The effect is 1 to 4 µm in "
-        "the corner of a large format.",
-    )
-    rejection: Rejection = Field(default_factory=Rejection, description="Rejection of gross errors.")
-    sigma0: Literal["a_posteriori", "a_priori"] = Field(
-        default="a_posteriori",
-        description="The σ0 that scales the standard deviations: `a_posteriori` (from the residuals) or "
-        "`a_priori` (1: the stated σ of the observations are taken as known).",
-    )
-    variance_components: bool = Field(
-        default=False,
-        description="Whether the σ of the groups are estimated from the residuals: one factor each "
-        "for image points, control in plan and in height, GNSS in plan and in height, "
-        "INS roll and pitch, INS yaw, and the priors of each kind of parameter. Parts "
-        "with a redundancy below 10 keep their stated σ. Unmodelled systematic errors "
-        "increase these factors.",
-    )
-    variance_components_by: tuple[VarianceDivision, ...] = Field(
-        default=(),
-        description="Divisions of the groups for the estimation of variance components: image points "
-        "by `file` (for manual and automatic measurements delivered separately) and by "
-        "`camera`; GNSS and INS by `flight`.",
-    )
-    control_folds: Annotated[Whole, Field(ge=2)] | None = Field(
-        default=None,
-        description="Number of folds into which the control points are divided, each over the whole "
-        "area. The points of a fold are predicted by the adjustment without this fold "
-        "(`k_fold` in summary.json). Leaving out one point at a time is always computed. "
-        "Neither requires another adjustment.",
-    )
-    gnss_correlation_s: Positive | None = Field(
-        default=None,
-        description="Correlation time τ of the errors of GNSS positions, s: the errors of two "
-        "exposures of a strip at an interval Δt are correlated by exp(−Δt/τ) "
-        "(first-order Gauss–Markov). Default: independent errors. If they are in fact "
-        "correlated, the σ of shifts, lever arm and principal point come out too small. "
-        "Requires strips and times.",
-    )
-    ins_correlation_s: Positive | None = Field(
-        default=None,
-        description="The same for roll, pitch and yaw of INS attitudes, s; important for the boresight.",
-    )
-    estimate_correlation: bool = Field(
-        default=False,
-        description="Whether the stated correlation times are only initial values and are estimated "
-        "from the residuals. Best combined with `variance_components = true`, because "
-        "wrong σ and wrong correlation times have similar effects.",
-    )
-    own_observations: tuple[OwnObservationsInput, ...] = Field(
-        default=(),
-        description="Files with observations of types that other installed packages add, as tables "
-        "`[[adjustment.own_observations]]`.",
-    )
-    max_iterations: Annotated[Whole, Field(ge=1)] = Field(
-        default=20,
-        description="Number of iterations after which the adjustment is regarded as divergent; with "
-        "good approximate values, 2 to 5 are needed.",
-    )
-    confidence: Annotated[Real, Field(gt=0.5, lt=1.0)] = Field(
-        default=0.95, description="Confidence level of tests and of statements about significance."
-    )
-    priors: Priors = Field(
-        default_factory=Priors,
-        description="Standard deviations of the initial values of estimated parameters.",
-    )
+    free: tuple[FreeParameter, ...] = ()
+    """System parameters to estimate, e.g. `["boresight", "lever_arm"]`; all others are held fixed at their
+    given values.
+    """
+    observe: tuple[ObservedGroup, ...] = ("gnss", "ins", "control")
+    """Observations used in the adjustment in addition to the image points. Without `gnss` or `ins`, the
+    exposures still give approximate values; without `control`, the control points become check points.
+    """
+    self_calibration: SelfCalibrationSettings = Field(default_factory=SelfCalibrationSettings)
+    """Additional parameters of the cameras."""
+    datum: Literal["observations", "free_network"] = "observations"
+    """What fixes the datum of the block. `observations`: a datum defect is an error. `free_network`: the
+    undetermined part (of three shifts, three rotations, scale) is fixed by inner constraints on approximate
+    values; for blocks without GNSS and control, and for blocks with height control only.
+    """
+    inner_constraints: Literal["object_points", "projection_centres", "both"] = "object_points"
+    """The unknowns of a free network whose corrections to their approximate values have minimum norm:
+    `object_points` (from intersection with the exposures as given), `projection_centres` (as given) or
+    `both`. The standard deviations refer to this datum.
+    """
+    residual_grid: ResidualGridSettings = Field(default_factory=ResidualGridSettings)
+    """Mean residuals in sub-areas of the image, and corrections derived from them."""
+    refraction: Literal["standard", "none"] = "standard"
+    """Atmospheric refraction of the image rays: `standard` (ICAO atmosphere) or `none`, for image points that
+    are already corrected. The effect is 1 to 4 µm in the corner of a large format.
+    """
+    rejection: Rejection = Field(default_factory=Rejection)
+    """Rejection of gross errors."""
+    sigma0: Literal["a_posteriori", "a_priori"] = "a_posteriori"
+    """The σ0 that scales the standard deviations: `a_posteriori` (from the residuals) or `a_priori` (1: the
+    stated σ of the observations are taken as known).
+    """
+    variance_components: bool = False
+    """Whether the σ of the groups are estimated from the residuals: one factor each for image points, control
+    in plan and in height, GNSS in plan and in height, INS roll and pitch, INS yaw, and the priors of each
+    kind of parameter. Parts with a redundancy below 10 keep their stated σ. Unmodelled systematic errors
+    increase these factors.
+    """
+    variance_components_by: tuple[VarianceDivision, ...] = ()
+    """Divisions of the groups for the estimation of variance components: image points by `file` (for manual
+    and automatic measurements delivered separately) and by `camera`; GNSS and INS by `flight`.
+    """
+    control_folds: Annotated[Whole, Field(ge=2)] | None = None
+    """Number of folds into which the control points are divided, each over the whole area. The points of a
+    fold are predicted by the adjustment without this fold (`k_fold` in summary.json). Leaving out one point
+    at a time is always computed. Neither requires another adjustment.
+    """
+    gnss_correlation_s: Positive | None = None
+    """Correlation time τ of the errors of GNSS positions, s: the errors of two exposures of a strip at an
+    interval Δt are correlated by exp(−Δt/τ) (first-order Gauss–Markov). Default: independent errors. If they
+    are in fact correlated, the σ of shifts, lever arm and principal point come out too small. Requires strips
+    and times.
+    """
+    ins_correlation_s: Positive | None = None
+    """The same for roll, pitch and yaw of INS attitudes, s; important for the boresight."""
+    estimate_correlation: bool = False
+    """Whether the stated correlation times are only initial values and are estimated from the residuals. Best
+    combined with `variance_components = true`, because wrong σ and wrong correlation times have similar
+    effects.
+    """
+    own_observations: tuple[OwnObservationsInput, ...] = ()
+    """Files with observations of types that other installed packages add, as tables
+    `[[adjustment.own_observations]]`.
+    """
+    max_iterations: Annotated[Whole, Field(ge=1)] = 20
+    """Number of iterations after which the adjustment is regarded as divergent; with good approximate values,
+    2 to 5 are needed.
+    """
+    confidence: Annotated[Real, Field(gt=0.5, lt=1.0)] = 0.95
+    """Confidence level of tests and of statements about significance."""
+    priors: Priors = Field(default_factory=Priors)
+    """Standard deviations of the initial values of estimated parameters."""
 
     @property
     def correlation_times_s(self) -> dict[str, float | None]:

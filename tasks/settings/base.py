@@ -7,11 +7,15 @@ to. Moving a delivery to another folder changes nothing, changing one byte of it
 
 from __future__ import annotations
 
+import ast
+import inspect
 import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import date
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, ClassVar, TypeAlias, get_args
 
@@ -34,7 +38,10 @@ _SHOWN = 500
 
 
 class Settings(BaseModel):
-    """Base of every table of the project file: immutable, and an unknown key is an error."""
+    """Base of every table of the project file: immutable, and an unknown key is an error.
+
+    The docstring of a key is its meaning in messages and pages, see :func:`meaning_of`.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -64,6 +71,28 @@ class Settings(BaseModel):
     def input_files(self) -> tuple[Path, ...]:
         """Every input file these settings point to, in the order of the fields."""
         return tuple(_paths_in([getattr(self, name) for name in type(self).model_fields]))
+
+
+def meaning_of(model: type[Settings], key: str) -> str:
+    """The description of a key: of its field where it is computed, otherwise its docstring.
+
+    Docstrings are read when a message or a page needs one; pydantic would read those of all models at every
+    start (``use_attribute_docstrings``, 0.2 s).
+    """
+    described = model.model_fields[key].description
+    owner = next(one for one in model.__mro__ if key in inspect.get_annotations(one))
+    return described or _docstrings_of(owner).get(key, "")
+
+
+@cache
+def _docstrings_of(model: type) -> dict[str, str]:
+    (definition,) = ast.parse(inspect.getsource(model)).body
+    meanings = {}
+    for field_, behind in pairwise(definition.body if isinstance(definition, ast.ClassDef) else ()):
+        match field_, behind:
+            case ast.AnnAssign(target=ast.Name(id=key)), ast.Expr(value=ast.Constant(value=str(text))):
+                meanings[key] = " ".join(text.split())
+    return meanings
 
 
 def _may_be_truth(kind: object) -> bool:

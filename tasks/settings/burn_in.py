@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
 from tasks.settings.adjustment import FreeParameter
 from tasks.settings.base import Settings, one_of
@@ -18,11 +18,11 @@ class BurnInSettings(Settings):
     block of the virtual images is triangulated.
     """
 
-    free: tuple[FreeParameter, ...] = Field(
-        default=("gnss_strip_bias", "gnss_drift", "ins_strip_bias", "ins_drift"),
-        description="System parameters estimated in the triangulation; by default shift and drift of GNSS "
-        "and INS in each strip.",
-    )
+    free: tuple[FreeParameter, ...] = ("gnss_strip_bias", "gnss_drift", "ins_strip_bias", "ins_drift")
+    """System parameters estimated in the triangulation; by default shift and drift of GNSS and INS in each
+    strip.
+    """
     compare_with: (
         Annotated[str, AfterValidator(one_of(published_protocols, "published burn-in protocol"))] | None
-    ) = Field(default=None, description="Published protocol to show next to the results.")
+    ) = None
+    """Published protocol to show next to the results."""

@@ -26,20 +26,16 @@ _INLINE = ("columns", "rows", "pixel_um", "focal_length_mm", "principal_point_mm
 class CcdTiles(Settings):
     """The CCD images that form a composed image; 3 × 3 of them have two seams in each direction."""
 
-    seams_x_mm: tuple[Finite, ...] = Field(
-        description="Borders between CCD images along x of the calibration axes, ascending, mm."
-    )
-    seams_y_mm: tuple[Finite, ...] = Field(description="The same along y, mm.")
-    blend_mm: Annotated[Real, Field(ge=0.0, allow_inf_nan=False)] = Field(
-        default=0.0,
-        description="Width over which neighbouring images are blended linearly, mm; 0: a sharp border.",
-    )
-    perspective: Literal["master4", "outer8", "rotation8"] = Field(
-        default="master4",
-        description="Type of the parameters `bluh:66-73`: two tilts for each of the four corner CCDs "
-        "(`master4`), one for each of the eight outer CCDs (`outer8`), or their "
-        "rotations (`rotation8`).",
-    )
+    seams_x_mm: tuple[Finite, ...]
+    """Borders between CCD images along x of the calibration axes, ascending, mm."""
+    seams_y_mm: tuple[Finite, ...]
+    """The same along y, mm."""
+    blend_mm: Annotated[Real, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    """Width over which neighbouring images are blended linearly, mm; 0: a sharp border."""
+    perspective: Literal["master4", "outer8", "rotation8"] = "master4"
+    """Type of the parameters `bluh:66-73`: two tilts for each of the four corner CCDs (`master4`), one for
+    each of the eight outer CCDs (`outer8`), or their rotations (`rotation8`).
+    """
 
     @model_validator(mode="after")
     def _ascending(self) -> CcdTiles:
@@ -58,35 +54,30 @@ def _is_none(value: object) -> bool:
 class CameraIdentity(Settings):
     """Serial numbers of the calibrated camera; they decide where a calibration may be applied."""
 
-    manufacturer: str | None = Field(
-        default=None, description="Manufacturer of the camera, for the certificate."
-    )
-    type: str | None = Field(default=None, description="Type of the camera, for the certificate.")
-    body: str | None = Field(default=None, description="Serial number of the camera body.")
-    lens: str | None = Field(default=None, description="Serial number of the lens or lens cone.")
-    imu: str | None = Field(default=None, description="Serial number of the inertial measurement unit.")
-    mount: str | None = Field(
-        default=None,
-        description="Name of the installation in the aircraft; a new installation has a new boresight.",
-    )
-    band: str | None = Field(
-        default=None,
-        exclude_if=_is_none,
-        description="Spectral band of the head, as its certificate names it, e.g. `PAN1` or `MS-Red`; heads "
-        "of one body may differ in nothing else.",
-    )
-    software: str | None = Field(
-        default=None,
-        exclude_if=_is_none,
-        description="Version of the manufacturer's software that made the images: another one may compose "
-        "them with another size or correct other distortions.",
-    )
-    product: Literal["virtual_image", "camera_head"] = Field(
-        default="virtual_image",
-        description="Type of image: the composed `virtual_image` of a multi-head camera (or the "
-        "image of a single-head one), or one `camera_head`. The calibration of one is "
-        "never applied to the other.",
-    )
+    manufacturer: str | None = None
+    """Manufacturer of the camera, for the certificate."""
+    type: str | None = None
+    """Type of the camera, for the certificate."""
+    body: str | None = None
+    """Serial number of the camera body."""
+    lens: str | None = None
+    """Serial number of the lens or lens cone."""
+    imu: str | None = None
+    """Serial number of the inertial measurement unit."""
+    mount: str | None = None
+    """Name of the installation in the aircraft; a new installation has a new boresight."""
+    band: str | None = Field(default=None, exclude_if=_is_none)
+    """Spectral band of the head, as its certificate names it, e.g. `PAN1` or `MS-Red`; heads of one body may
+    differ in nothing else.
+    """
+    software: str | None = Field(default=None, exclude_if=_is_none)
+    """Version of the manufacturer's software that made the images: another one may compose them with another
+    size or correct other distortions.
+    """
+    product: Literal["virtual_image", "camera_head"] = "virtual_image"
+    """Type of image: the composed `virtual_image` of a multi-head camera (or the image of a single-head one),
+    or one `camera_head`. The calibration of one is never applied to the other.
+    """
 
 
 @dataclass(frozen=True)
@@ -114,24 +105,21 @@ class CalibrationCovariance:
 class HeadSettings(Settings):
     """Position and rotation of a head of a rig relative to the reference head."""
 
-    reference: str = Field(description="Name of the camera that is the reference head.")
-    rotation_deg: Triple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="Rotation relative to the reference head, roll, pitch, yaw about the body axes, degrees: "
-        "mounting = R_z(yaw) R_y(pitch) R_x(roll) T with the `mount_deg` of both cameras. `[45, 0, 0]` looks "
-        "to the left, `[0, 45, 0]` ahead. The initial value if it is estimated, otherwise fixed.",
-    )
-    position_m: Triple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="Projection centre relative to that of the reference head, body axes (forward, "
-        "right, down), m: likewise.",
-    )
-    synchronisation_offset_s: Finite = Field(
-        default=0.0,
-        description="Delay of the exposure of the head relative to the time of the event, s (the "
-        "reference head is exposed at this time): likewise. Its position and rotation then "
-        "follow from velocity and rates of the body.",
-    )
+    reference: str
+    """Name of the camera that is the reference head."""
+    rotation_deg: Triple = (0.0, 0.0, 0.0)
+    """Rotation relative to the reference head, roll, pitch, yaw about the body axes, degrees: mounting =
+    R_z(yaw) R_y(pitch) R_x(roll) T with the `mount_deg` of both cameras. `[45, 0, 0]` looks to the left, `[0,
+    45, 0]` ahead. The initial value if it is estimated, otherwise fixed.
+    """
+    position_m: Triple = (0.0, 0.0, 0.0)
+    """Projection centre relative to that of the reference head, body axes (forward, right, down), m:
+    likewise.
+    """
+    synchronisation_offset_s: Finite = 0.0
+    """Delay of the exposure of the head relative to the time of the event, s (the reference head is exposed
+    at this time): likewise. Its position and rotation then follow from velocity and rates of the body.
+    """
 
 
 class CameraTable(TableSettings):
@@ -175,125 +163,101 @@ def _refuse_beside_report(camera: CameraInput) -> None:
 class CameraInput(Settings):
     """A frame camera, from a file or written out here; the table's name is the camera's name."""
 
-    file: InputPath | None = Field(default=None, description="Camera file; instead of the values below.")
+    file: InputPath | None = None
+    """Camera file; instead of the values below."""
     format: Annotated[str, AfterValidator(one_of(CAMERA_FORMATS, "format of cameras"))] | None = Field(
         default=None,
         description=f"Format of `file`: {', '.join(f'`{name}`' for name in CAMERA_FORMATS.own)}.",
     )
-    head_certificate: InputPath | None = Field(
-        default=None,
-        description="Calibration certificate of a single camera head, with standard deviations (see "
-        "[rigs](rigs.md#certificates-of-heads)); instead of a `file` or the values below. What it states is "
-        "used as `calibration_use` says. Only for the pictures of the head itself: "
-        '`identity.product = "camera_head"`.',
-    )
-    calibration_report: InputPath | None = Field(
-        default=None,
-        description="Calibration report of a film camera (see [film images](import.md#film-images)): focal "
-        "length, principal point, fiducial marks and radial distortion; next to `columns`, `rows`, "
-        "`pixel_um` of the scans.",
-    )
-    name_in_file: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None, description="Name (or number) of the camera in `file`, if the file contains several."
-    )
-    table: CameraTable = Field(
-        default=CameraTable(),
-        description='Layout of `file` with `format = "csv"`, where it is not aerocal\'s own: keys of '
-        "[tables of others](#tables-of-others). Columns are `camera`, `columns`, `rows`, `pixel_um`, "
-        "`focal_length_mm`, `x0_mm`, `y0_mm`, and, to be compared with them, `width_mm`, `height_mm`.",
-    )
-    columns: Pixels | None = Field(default=None, description="Width of the image, px.")
-    rows: Pixels | None = Field(default=None, description="Height of the image, px.")
-    pixel_um: Positive | None = Field(
-        default=None,
-        description="Side of a (square) pixel, µm; also together with a `file` that contains only "
-        "pixel units.",
-    )
-    focal_length_mm: Positive | None = Field(default=None, description="Principal distance c, mm.")
-    principal_point_mm: tuple[Finite, Finite] | None = Field(
-        default=None,
-        description="Principal point x, y in the image system (from the format centre), mm; also "
-        "together with a table of cameras that has none.",
-    )
-    pixel_origin: Literal["corner", "centre"] = Field(
-        description="Which point of the top-left pixel has the pixel coordinates (0, 0). The "
-        "difference is half a pixel, as much as a principal point may change in a "
-        "calibration."
-    )
-    mount_deg: Literal[0, 90, 180, 270] = Field(
-        description="κ_mount: the nominal rotation of the camera in the aircraft, T = diag(1, −1, "
-        "−1) R_z(κ_mount); 0: image x (columns) points forward, 90: forward is −y (down "
-        "the rows)."
-    )
-    calibration_axes_deg: Literal[0, 90, 180, 270] = Field(
-        default=0,
-        description="Rotation from the image axes to the axes in which additional parameters are "
-        "defined, counter-clockwise, degrees. In BLUH and UltraCam sets, x is along "
-        "flight: 0 if the columns run along flight, 90 or 270 if they run across.",
-    )
-    fiducials_mm: dict[str, tuple[Finite, Finite]] = Field(
-        default_factory=dict,
-        description="Coordinates of the fiducial marks of a film camera according to its calibration report, "
-        "in the image system, mm; keys are the names of the marks, e.g. `{ 1 = [-110.002, 110.001] }`.",
-    )
-    tiles: CcdTiles | None = Field(
-        default=None, description="Layout of the CCD images; default: that of the parameter set."
-    )
-    additional_parameters: dict[str, Finite] = Field(
-        default_factory=dict,
-        description='Known additional parameters, e.g. `{ "bluh:9" = 1.2e-9 }` in their published '
-        "units: the initial value if the parameter is estimated, otherwise fixed. Values "
-        'of OpenCV, COLMAP or Metashape are `"brown-forward:k1"` and so on.',
-    )
-    lever_arm_m: Triple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="Known lever arm from the projection centre to the point to which the positions "
-        "refer, body axes (forward, right, down), m: the initial value if it is "
-        "estimated, otherwise fixed.",
-    )
-    reduced_by_m: Triple | None = Field(
-        default=None,
-        description="Lever arm that was used to reduce the positions to the projection centre, m. "
-        "Default: `lever_arm_m` as given here, even if the registry contains another one.",
-    )
-    boresight_deg: Triple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="Known boresight misalignment roll, pitch, yaw in body axes, degrees: the "
-        "initial value if it is estimated, otherwise fixed.",
-    )
+    head_certificate: InputPath | None = None
+    """Calibration certificate of a single camera head, with standard deviations (see
+    [rigs](rigs.md#certificates-of-heads)); instead of a `file` or the values below. What it states is used as
+    `calibration_use` says. Only for the pictures of the head itself: `identity.product = "camera_head"`.
+    """
+    calibration_report: InputPath | None = None
+    """Calibration report of a film camera (see [film images](import.md#film-images)): focal length, principal
+    point, fiducial marks and radial distortion; next to `columns`, `rows`, `pixel_um` of the scans.
+    """
+    name_in_file: Annotated[str, Field(min_length=1)] | None = None
+    """Name (or number) of the camera in `file`, if the file contains several."""
+    table: CameraTable = CameraTable()
+    """Layout of `file` with `format = "csv"`, where it is not aerocal's own: keys of [tables of
+    others](#tables-of-others). Columns are `camera`, `columns`, `rows`, `pixel_um`, `focal_length_mm`,
+    `x0_mm`, `y0_mm`, and, to be compared with them, `width_mm`, `height_mm`.
+    """
+    columns: Pixels | None = None
+    """Width of the image, px."""
+    rows: Pixels | None = None
+    """Height of the image, px."""
+    pixel_um: Positive | None = None
+    """Side of a (square) pixel, µm; also together with a `file` that contains only pixel units."""
+    focal_length_mm: Positive | None = None
+    """Principal distance c, mm."""
+    principal_point_mm: tuple[Finite, Finite] | None = None
+    """Principal point x, y in the image system (from the format centre), mm; also together with a table of
+    cameras that has none.
+    """
+    pixel_origin: Literal["corner", "centre"]
+    """Which point of the top-left pixel has the pixel coordinates (0, 0). The difference is half a pixel, as
+    much as a principal point may change in a calibration.
+    """
+    mount_deg: Literal[0, 90, 180, 270]
+    """κ_mount: the nominal rotation of the camera in the aircraft, T = diag(1, −1, −1) R_z(κ_mount); 0: image
+    x (columns) points forward, 90: forward is −y (down the rows).
+    """
+    calibration_axes_deg: Literal[0, 90, 180, 270] = 0
+    """Rotation from the image axes to the axes in which additional parameters are defined, counter-clockwise,
+    degrees. In BLUH and UltraCam sets, x is along flight: 0 if the columns run along flight, 90 or 270 if
+    they run across.
+    """
+    fiducials_mm: dict[str, tuple[Finite, Finite]] = Field(default_factory=dict)
+    """Coordinates of the fiducial marks of a film camera according to its calibration report, in the image
+    system, mm; keys are the names of the marks, e.g. `{ 1 = [-110.002, 110.001] }`.
+    """
+    tiles: CcdTiles | None = None
+    """Layout of the CCD images; default: that of the parameter set."""
+    additional_parameters: dict[str, Finite] = Field(default_factory=dict)
+    """Known additional parameters, e.g. `{ "bluh:9" = 1.2e-9 }` in their published units: the initial value
+    if the parameter is estimated, otherwise fixed. Values of OpenCV, COLMAP or Metashape are
+    `"brown-forward:k1"` and so on.
+    """
+    lever_arm_m: Triple = (0.0, 0.0, 0.0)
+    """Known lever arm from the projection centre to the point to which the positions refer, body axes
+    (forward, right, down), m: the initial value if it is estimated, otherwise fixed.
+    """
+    reduced_by_m: Triple | None = None
+    """Lever arm that was used to reduce the positions to the projection centre, m. Default: `lever_arm_m` as
+    given here, even if the registry contains another one.
+    """
+    boresight_deg: Triple = (0.0, 0.0, 0.0)
+    """Known boresight misalignment roll, pitch, yaw in body axes, degrees: the initial value if it is
+    estimated, otherwise fixed.
+    """
 
-    head: HeadSettings | None = Field(
-        default=None,
-        description="For a head of a rig that is not the reference head: its position and rotation "
-        "relative to the reference head. Its lever arm and boresight follow from those of "
-        "the reference head. Images of the heads of a rig that were exposed in one flight "
-        "within 1 ms belong to one event, which GNSS and INS observe once.",
-    )
+    head: HeadSettings | None = None
+    """For a head of a rig that is not the reference head: its position and rotation relative to the reference
+    head. Its lever arm and boresight follow from those of the reference head. Images of the heads of a rig
+    that were exposed in one flight within 1 ms belong to one event, which GNSS and INS observe once.
+    """
 
     calibration: Annotated[str, AfterValidator(one_of(lambda: CALIBRATIONS, "calibration of a camera"))] = (
-        Field(
-            default=GIVEN,
-            description="`given`: the values of this table or its file. `registry`: focal length, "
-            "principal point, additional parameters, boresight and lever arm are taken "
-            "from the calibration in the registry that is approved for this camera and "
-            "`project.flown`; of a head of a rig only interior orientation and additional parameters. "
-            "`registry-rig`, of the reference head: those of all heads, with their relative rotations, "
-            "positions and synchronisation offsets, from the calibration of the rig.",
-        )
+        GIVEN
     )
-    calibration_use: Literal["consider", "prior", "held"] = Field(
-        default="consider",
-        description="How the covariance of a calibration from the registry is used. `consider`: the "
-        "values are held fixed, and their errors are included in every σ and test. "
-        "`prior`: they are observed with their full covariance, and the block improves "
-        "them. `held`: they are treated as exact, to reproduce other programs or as "
-        "initial values. With `consider`, none of these parameters may be estimated. A "
-        "calibration flight uses them only as initial values.",
-    )
-    identity: CameraIdentity = Field(
-        default=CameraIdentity(),
-        description="Serial numbers, for the certificate and the registry of calibrations.",
-    )
+    """`given`: the values of this table or its file. `registry`: focal length, principal point, additional
+    parameters, boresight and lever arm are taken from the calibration in the registry that is approved for
+    this camera and `project.flown`; of a head of a rig only interior orientation and additional parameters.
+    `registry-rig`, of the reference head: those of all heads, with their relative rotations, positions and
+    synchronisation offsets, from the calibration of the rig.
+    """
+    calibration_use: Literal["consider", "prior", "held"] = "consider"
+    """How the covariance of a calibration from the registry is used. `consider`: the values are held fixed,
+    and their errors are included in every σ and test. `prior`: they are observed with their full covariance,
+    and the block improves them. `held`: they are treated as exact, to reproduce other programs or as initial
+    values. With `consider`, none of these parameters may be estimated. A calibration flight uses them only as
+    initial values.
+    """
+    identity: CameraIdentity = CameraIdentity()
+    """Serial numbers, for the certificate and the registry of calibrations."""
 
     # What the registry says; the key has it by the digest of the record in `calibration`.
     _covariance: CalibrationCovariance | None = PrivateAttr(default=None)

@@ -24,40 +24,36 @@ Line: TypeAlias = Annotated[
 class Laboratory(Settings):
     """The calibration laboratory."""
 
-    name: Line | None = Field(default=None, description="Name of the laboratory.")
-    address: tuple[Line, ...] = Field(
-        default=(), description='Lines of its address, e.g. `["Main Street 1", "12345 Town"]`.'
-    )
-    accreditation: Line | None = Field(
-        default=None, description="Accreditation or registration number, with the accreditation body."
-    )
+    name: Line | None = None
+    """Name of the laboratory."""
+    address: tuple[Line, ...] = ()
+    """Lines of its address, e.g. `["Main Street 1", "12345 Town"]`."""
+    accreditation: Line | None = None
+    """Accreditation or registration number, with the accreditation body."""
 
 
 class Signatory(Settings):
     """A person who signs."""
 
-    name: Line = Field(description="Name.")
-    role: Line = Field(description='Role, e.g. "Head of the laboratory".')
+    name: Line
+    """Name."""
+    role: Line
+    """Role, e.g. "Head of the laboratory"."""
 
 
 class CertificateSettings(Settings):
     """Laboratory, numbers, dates and signatories of the certificate."""
 
-    numbers: dict[str, Line] = Field(
-        default_factory=dict,
-        description='Number of the certificate of each camera, e.g. `{ "CAM-1" = "2026-017" }`; '
-        "numbers must be unique.",
-    )
-    calibrated: date | None = Field(
-        default=None, description="Date of the calibration, e.g. 2026-09-21; not before `project.flown`."
-    )
-    issued: date | None = Field(
-        default=None, description="Date of issue of the certificate; not before `calibrated`."
-    )
-    laboratory: Laboratory = Field(default_factory=Laboratory, description="The laboratory.")
-    signatories: tuple[Signatory, ...] = Field(
-        default=(), max_length=4, description="The signatories, in the order of the signatures."
-    )
+    numbers: dict[str, Line] = Field(default_factory=dict)
+    """Number of the certificate of each camera, e.g. `{ "CAM-1" = "2026-017" }`; numbers must be unique."""
+    calibrated: date | None = None
+    """Date of the calibration, e.g. 2026-09-21; not before `project.flown`."""
+    issued: date | None = None
+    """Date of issue of the certificate; not before `calibrated`."""
+    laboratory: Laboratory = Field(default_factory=Laboratory)
+    """The laboratory."""
+    signatories: tuple[Signatory, ...] = Field(default=(), max_length=4)
+    """The signatories, in the order of the signatures."""
 
     @model_validator(mode="after")
     def _numbers_differ(self) -> CertificateSettings:

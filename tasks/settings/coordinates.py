@@ -51,25 +51,22 @@ class LinearAlteration(Settings):
     and the true altitude H.
     """
 
-    ground_m: Finite = Field(description="Ground height Zg in the height system of the input, m.")
+    ground_m: Finite
+    """Ground height Zg in the height system of the input, m."""
 
 
 class Heights(Settings):
     """Height system: ellipsoidal, or altitudes above a geoid given as a grid."""
 
-    geoid: InputPath | None = Field(
-        default=None,
-        description="GeoTIFF with the undulation N of the geoid above the ellipsoid (h = H + N), as "
-        'PROJ publishes them. Written as `heights = { geoid = "FILE.tif" }`; `heights = '
-        '"ellipsoidal"` otherwise. The grid must be named: an undulation is never '
-        "assumed to be zero.",
-    )
-    linear_alteration: LinearAlteration | None = Field(
-        default=None,
-        description="Undo IGN's linear alteration of the flying height (exposures in Lambert-93): "
-        "`linear_alteration = { ground_m = 205.0 }`. An error of 100 m in `ground_m` "
-        "causes about 7 cm.",
-    )
+    geoid: InputPath | None = None
+    """GeoTIFF with the undulation N of the geoid above the ellipsoid (h = H + N), as PROJ publishes them.
+    Written as `heights = { geoid = "FILE.tif" }`; `heights = "ellipsoidal"` otherwise. The grid must be
+    named: an undulation is never assumed to be zero.
+    """
+    linear_alteration: LinearAlteration | None = None
+    """Undo IGN's linear alteration of the flying height (exposures in Lambert-93): `linear_alteration = {
+    ground_m = 205.0 }`. An error of 100 m in `ground_m` causes about 7 cm.
+    """
 
     @model_validator(mode="before")
     @classmethod
@@ -95,24 +92,22 @@ class PlacedSettings(Settings):
 class Angles(Settings):
     """Definition of the angles in an exposure input."""
 
-    order: Literal["omega-phi-kappa", "phi-omega-kappa", "heading-pitch-roll"] = Field(
-        description="`omega-phi-kappa`: R = R_x(ω) R_y(φ) R_z(κ); `phi-omega-kappa`: R = R_y(φ) R_x(ω) "
-        "R_z(κ), both ground from camera; `heading-pitch-roll`: the inertial unit's body (ARINC 705)."
-    )
-    unit: Literal["deg", "gon", "rad"] = Field(
-        description="Unit of the angles and of their standard deviations in the file."
-    )
-    reference: Literal["grid", "true-north", "local"] = Field(
-        description="Reference of the angles. `grid`: the axes of the input's map projection (the "
-        "meridian convergence is applied exactly); `true-north` and `local`: east, "
-        'north, up at each exposure. With crs = "local", the axes of the project itself.'
-    )
-    rate_axes: Literal["forward-right-down", "forward-left-up"] | None = Field(
-        default=None,
-        description="Body axes of the angular velocities in the columns rate_roll, rate_pitch, "
-        "rate_yaw, in `unit` per second, as written by a trajectory processor (SBET: "
-        "`forward-right-down`). With rates, a time offset also affects the attitudes.",
-    )
+    order: Literal["omega-phi-kappa", "phi-omega-kappa", "heading-pitch-roll"]
+    """`omega-phi-kappa`: R = R_x(ω) R_y(φ) R_z(κ); `phi-omega-kappa`: R = R_y(φ) R_x(ω) R_z(κ), both ground
+    from camera; `heading-pitch-roll`: the inertial unit's body (ARINC 705).
+    """
+    unit: Literal["deg", "gon", "rad"]
+    """Unit of the angles and of their standard deviations in the file."""
+    reference: Literal["grid", "true-north", "local"]
+    """Reference of the angles. `grid`: the axes of the input's map projection (the meridian convergence is
+    applied exactly); `true-north` and `local`: east, north, up at each exposure. With crs = "local", the axes
+    of the project itself.
+    """
+    rate_axes: Literal["forward-right-down", "forward-left-up"] | None = None
+    """Body axes of the angular velocities in the columns rate_roll, rate_pitch, rate_yaw, in `unit` per
+    second, as written by a trajectory processor (SBET: `forward-right-down`). With rates, a time offset also
+    affects the attitudes.
+    """
 
 
 #: Heights above the ellipsoid.

@@ -90,18 +90,18 @@ class DeliverSettings(Settings):
         description="One of [the formats of results](export.md): "
         f"{', '.join(f'`{name}`' for name in OFFERS)}."
     )
-    folder: Annotated[str, AfterValidator(_below_results)] | None = Field(
-        default=None,
-        description="Folder of the files below that of the results; default `export/FORMAT`. An earlier "
-        "delivery in it is removed.",
-    )
-    world: World | None = Field(
-        default=None,
-        description="How the receiving program [treats coordinates](export.md#what-a-program-can-be-"
-        "given); default: that of the format.",
-    )
-    angles: AngleOrder = Field(default="omega-phi-kappa", description="Order of the angles (`eo-csv`).")
-    unit: AngleUnit = Field(default="deg", description="Unit of the angles (`eo-csv`).")
+    folder: Annotated[str, AfterValidator(_below_results)] | None = None
+    """Folder of the files below that of the results; default `export/FORMAT`. An earlier delivery in it is
+    removed.
+    """
+    world: World | None = None
+    """How the receiving program [treats coordinates](export.md#what-a-program-can-be-given); default: that of
+    the format.
+    """
+    angles: AngleOrder = "omega-phi-kappa"
+    """Order of the angles (`eo-csv`)."""
+    unit: AngleUnit = "deg"
+    """Unit of the angles (`eo-csv`)."""
 
     @property
     def place(self) -> str:

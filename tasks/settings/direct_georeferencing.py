@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
 from tasks.settings.base import InputPath, PathContext, Settings, trouble
@@ -32,41 +32,36 @@ class CalibrationInput(Settings):
     Written as one text: `"cameras"`, `"adjustment"`, `"registry"`, or a folder of results.
     """
 
-    adjustment: bool = Field(
-        default=False,
-        description='`calibration = "adjustment"`: the values estimated by this project\'s own '
-        "adjustment; its control points are then calibration control.",
-    )
-    registry: bool = Field(
-        default=False,
-        description='`calibration = "registry"`: for each camera the approved calibration of the '
-        "registry that is valid on `project.flown`.",
-    )
-    parameters: InputPath | None = Field(
-        default=None,
-        description='Its system parameters with their σ; `calibration = "FOLDER"` is short for the '
-        "five files of these names in a result folder.",
-    )
-    correlations: InputPath | None = Field(default=None, description="Their correlations.")
-    control_residuals: InputPath | None = Field(
-        default=None, description="Names of the points used as control in the calibration."
-    )
-    control_points: InputPath | None = Field(default=None, description="Coordinates of these points.")
-    cameras: InputPath | None = Field(
-        default=None,
-        description="The calibrated cameras: body, lens, product, image and mounting must be those "
-        "of the project's camera of the same name.",
-    )
-    parameter_influences: InputPath | None = Field(
-        default=None,
-        description="Derivatives of its parameters with respect to the observations they were "
-        "estimated from; taken from the folder if present.",
-    )
-    exposures: InputPath | None = Field(
-        default=None,
-        description="The exposures used in the calibration: if this project has the same ones, the "
-        "calibration contains their errors. Taken from the folder if present.",
-    )
+    adjustment: bool = False
+    """`calibration = "adjustment"`: the values estimated by this project's own adjustment; its control points
+    are then calibration control.
+    """
+    registry: bool = False
+    """`calibration = "registry"`: for each camera the approved calibration of the registry that is valid on
+    `project.flown`.
+    """
+    parameters: InputPath | None = None
+    """Its system parameters with their σ; `calibration = "FOLDER"` is short for the five files of these names
+    in a result folder.
+    """
+    correlations: InputPath | None = None
+    """Their correlations."""
+    control_residuals: InputPath | None = None
+    """Names of the points used as control in the calibration."""
+    control_points: InputPath | None = None
+    """Coordinates of these points."""
+    cameras: InputPath | None = None
+    """The calibrated cameras: body, lens, product, image and mounting must be those of the project's camera
+    of the same name.
+    """
+    parameter_influences: InputPath | None = None
+    """Derivatives of its parameters with respect to the observations they were estimated from; taken from the
+    folder if present.
+    """
+    exposures: InputPath | None = None
+    """The exposures used in the calibration: if this project has the same ones, the calibration contains
+    their errors. Taken from the folder if present.
+    """
 
     @model_validator(mode="before")
     @classmethod
@@ -100,40 +95,30 @@ class CalibrationInput(Settings):
 class DirectGeoreferencingSettings(Settings):
     """The direct-georeferencing check."""
 
-    calibration: CalibrationInput = Field(
-        default=CalibrationInput(),
-        description='The calibration to be checked: `"cameras"` (the values of this file\'s cameras, '
-        'assumed to be free of error), `"adjustment"` (those estimated by this project\'s '
-        'own adjustment), `"registry"` (those approved for `project.flown`), or the '
-        "result folder of another project.",
-    )
-    shift_of_flight: str | None = Field(
-        default=None,
-        description="Flight of the calibration whose GNSS shift and time offset are used for the "
-        "flights of this project. Default: the flight of the same name, or the only one.",
-    )
-    strip_bias_m: NotNegativeTriple | None = Field(
-        default=None,
-        description="σ of a GNSS error common to all images of a strip, east, north, up, m; one "
-        "number or three. It is added to the σ of the exposures, as in the adjustment. "
-        "Default: `adjustment.priors.gnss_strip_bias_m` if `gnss_strip_bias` is in "
-        "`adjustment.free`, otherwise zero.",
-    )
-    strip_bias_deg: NotNegativeTriple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="σ of an attitude error common to all images of a strip, roll, pitch, yaw, "
-        "degrees; one number or three. It is added to the σ of the exposures. Errors "
-        "that change slowly within a strip are described by "
-        "`adjustment.gnss_correlation_s` and `ins_correlation_s`.",
-    )
-    critical_value: Positive = Field(
-        default=4.13,
-        description="Standardized residual of a y-parallax in the relative orientation of its model "
-        "above which the point is regarded as a mismatch and excluded from the "
-        "parallaxes.",
-    )
-    accuracy_class_m: PositivePair | None = Field(
-        default=None,
-        description="Accuracy class to be met, RMSE_H and RMSE_V, m; one number or two. The "
-        "statement by the ASPRS standards states whether it is met.",
-    )
+    calibration: CalibrationInput = CalibrationInput()
+    """The calibration to be checked: `"cameras"` (the values of this file's cameras, assumed to be free of
+    error), `"adjustment"` (those estimated by this project's own adjustment), `"registry"` (those approved
+    for `project.flown`), or the result folder of another project.
+    """
+    shift_of_flight: str | None = None
+    """Flight of the calibration whose GNSS shift and time offset are used for the flights of this project.
+    Default: the flight of the same name, or the only one.
+    """
+    strip_bias_m: NotNegativeTriple | None = None
+    """σ of a GNSS error common to all images of a strip, east, north, up, m; one number or three. It is added
+    to the σ of the exposures, as in the adjustment. Default: `adjustment.priors.gnss_strip_bias_m` if
+    `gnss_strip_bias` is in `adjustment.free`, otherwise zero.
+    """
+    strip_bias_deg: NotNegativeTriple = (0.0, 0.0, 0.0)
+    """σ of an attitude error common to all images of a strip, roll, pitch, yaw, degrees; one number or three.
+    It is added to the σ of the exposures. Errors that change slowly within a strip are described by
+    `adjustment.gnss_correlation_s` and `ins_correlation_s`.
+    """
+    critical_value: Positive = 4.13
+    """Standardized residual of a y-parallax in the relative orientation of its model above which the point is
+    regarded as a mismatch and excluded from the parallaxes.
+    """
+    accuracy_class_m: PositivePair | None = None
+    """Accuracy class to be met, RMSE_H and RMSE_V, m; one number or two. The statement by the ASPRS standards
+    states whether it is met.
+    """

@@ -38,15 +38,20 @@ def _direction(name: str) -> str:
 class ReportedCamera(Settings):
     """Camera, focal length and principal points."""
 
-    serial: str = Field(min_length=1, description="Serial number of the camera.")
-    lens: str | None = Field(default=None, description="Serial number of the lens.")
-    focal_length_mm: Positive = Field(description="Calibrated focal length, mm.")
-    ppa_mm: Pair = Field(description="Principal point of autocollimation, system of the marks, mm.")
-    pps_mm: Pair = Field(description="Point of symmetry, to which the distortion refers, likewise, mm.")
-    principal_point: Literal["ppa", "pps"] = Field(
-        description="Which of the two is the foot of the perpendicular from the projection centre. The point "
-        "of symmetry, if the report has determined it together with the focal length."
-    )
+    serial: str = Field(min_length=1)
+    """Serial number of the camera."""
+    lens: str | None = None
+    """Serial number of the lens."""
+    focal_length_mm: Positive
+    """Calibrated focal length, mm."""
+    ppa_mm: Pair
+    """Principal point of autocollimation, system of the marks, mm."""
+    pps_mm: Pair
+    """Point of symmetry, to which the distortion refers, likewise, mm."""
+    principal_point: Literal["ppa", "pps"]
+    """Which of the two is the foot of the perpendicular from the projection centre. The point of symmetry, if
+    the report has determined it together with the focal length.
+    """
 
     @model_validator(mode="after")
     def _near_the_origin(self) -> ReportedCamera:
@@ -62,28 +67,26 @@ class ReportedCamera(Settings):
 class ReportedDistortion(Settings):
     """Radial distortion: a mean, or one value for each semi-diagonal."""
 
-    unit: Literal["um", "mm"] = Field(description="Unit of the distortion and its σ.")
-    positive: Literal["outward", "inward"] = Field(
-        description="Meaning of a positive value: the image is displaced `outward`, away from the point of "
-        "symmetry, or `inward`."
-    )
-    sigma: Positive = Field(
-        description="Standard deviation of a value; at least 0.3 of the last digit that is printed."
-    )
-    radius_mm: tuple[Positive, ...] | None = Field(
-        default=None, description="Distances from the point of symmetry, ascending, mm."
-    )
-    angle_deg: tuple[Annotated[Positive, Field(lt=80.0)], ...] | None = Field(
-        default=None, description="Field angles instead of distances, ascending, degrees."
-    )
-    mean: tuple[Finite, ...] | None = Field(
-        default=None, description="Distortion at these distances or angles, mean of all directions."
-    )
+    unit: Literal["um", "mm"]
+    """Unit of the distortion and its σ."""
+    positive: Literal["outward", "inward"]
+    """Meaning of a positive value: the image is displaced `outward`, away from the point of symmetry, or
+    `inward`.
+    """
+    sigma: Positive
+    """Standard deviation of a value; at least 0.3 of the last digit that is printed."""
+    radius_mm: tuple[Positive, ...] | None = None
+    """Distances from the point of symmetry, ascending, mm."""
+    angle_deg: tuple[Annotated[Positive, Field(lt=80.0)], ...] | None = None
+    """Field angles instead of distances, ascending, degrees."""
+    mean: tuple[Finite, ...] | None = None
+    """Distortion at these distances or angles, mean of all directions."""
     semi_diagonals: dict[Annotated[str, AfterValidator(_direction)], tuple[Finite, ...]] = Field(
-        default_factory=dict,
-        description="Distortion along semi-diagonals instead of the mean, by their directions in degrees: "
-        "`{ 45 = [0.2, …], 135 = …, 225 = …, 315 = … }`.",
+        default_factory=dict
     )
+    """Distortion along semi-diagonals instead of the mean, by their directions in degrees: `{ 45 = [0.2, …],
+    135 = …, 225 = …, 315 = … }`.
+    """
 
     @property
     def places(self) -> tuple[float, ...]:
@@ -127,9 +130,8 @@ class FilmReport(Settings):
     """Calibration report of a film camera: `calibration_report` of a camera names the file."""
 
     camera: ReportedCamera
-    fiducials_mm: dict[str, Pair] = Field(
-        min_length=3, description="Calibrated coordinates of the fiducial marks, mm."
-    )
+    fiducials_mm: dict[str, Pair] = Field(min_length=3)
+    """Calibrated coordinates of the fiducial marks, mm."""
     distortion: ReportedDistortion
 
     @model_validator(mode="after")

@@ -24,9 +24,8 @@ EARLIER = "manifest.json"
 class EarlierResults(Settings):
     """Results of an earlier date."""
 
-    manifest: InputPath | None = Field(
-        default=None, description="Their manifest, which contains all digests."
-    )
+    manifest: InputPath | None = None
+    """Their manifest, which contains all digests."""
 
 
 class ImageQualitySettings(Settings):
@@ -34,68 +33,47 @@ class ImageQualitySettings(Settings):
 
     outside_key: ClassVar[frozenset[str]] = frozenset({"name"})
 
-    name: str = Field(
-        default="Image quality", min_length=1, max_length=LONGEST_NAME, description="Title of the report."
-    )
-    camera: str | None = Field(
-        default=None,
-        min_length=1,
-        max_length=LONGEST_NAME,
-        description="Type and serial number of the camera, for the certificate. Default: `name`.",
-    )
-    identity: CameraIdentity | None = Field(
-        default=None,
-        description="Serial numbers of the camera, as in `cameras.NAME.identity`, for certificate and "
-        "registry. Default: those of the camera of the project that `camera` names.",
-    )
-    examined: date | None = Field(
-        default=None, description="Date of the images, e.g. 2026-09-21, for the certificate."
-    )
-    images: Images = Field(
-        default=(),
-        description="Images of scenes, whose edges and homogeneous areas are examined: one path or a list. "
-        "All must have the same size and bands.",
-    )
-    bands: tuple[Annotated[Whole, Field(ge=1)], ...] = Field(
-        default=(), description="Numbers of the bands of scenes that are examined, from 1. Default: all."
-    )
-    factor_max: Positive | None = Field(
-        default=None,
-        description="Largest factor of effective resolution of a band that passes; a larger one, or none, "
-        "ends with exit code 4. Default: not tested.",
-    )
-    fail_on: tuple[Literal["sharpened", "drift", "motion"], ...] = Field(
-        default=(),
-        description="Findings that end with exit code 4: sharpened bands, a change since the earlier "
-        "results, a smear that contradicts the trajectory. Default: they are remarks.",
-    )
-    gsd_m: Positive | None = Field(
-        default=None,
-        description="Ground sampling distance of the images, m, for the effective one. Default: not stated.",
-    )
+    name: str = Field(default="Image quality", min_length=1, max_length=LONGEST_NAME)
+    """Title of the report."""
+    camera: str | None = Field(default=None, min_length=1, max_length=LONGEST_NAME)
+    """Type and serial number of the camera, for the certificate. Default: `name`."""
+    identity: CameraIdentity | None = None
+    """Serial numbers of the camera, as in `cameras.NAME.identity`, for certificate and registry. Default:
+    those of the camera of the project that `camera` names.
+    """
+    examined: date | None = None
+    """Date of the images, e.g. 2026-09-21, for the certificate."""
+    images: Images = ()
+    """Images of scenes, whose edges and homogeneous areas are examined: one path or a list. All must have the
+    same size and bands.
+    """
+    bands: tuple[Annotated[Whole, Field(ge=1)], ...] = ()
+    """Numbers of the bands of scenes that are examined, from 1. Default: all."""
+    factor_max: Positive | None = None
+    """Largest factor of effective resolution of a band that passes; a larger one, or none, ends with exit
+    code 4. Default: not tested.
+    """
+    fail_on: tuple[Literal["sharpened", "drift", "motion"], ...] = ()
+    """Findings that end with exit code 4: sharpened bands, a change since the earlier results, a smear that
+    contradicts the trajectory. Default: they are remarks.
+    """
+    gsd_m: Positive | None = None
+    """Ground sampling distance of the images, m, for the effective one. Default: not stated."""
 
-    points_px: tuple[tuple[Real, Real], ...] = Field(
-        default=(),
-        description="Columns and rows (the centre of the first pixel is 0, 0) near which edges are "
-        "searched for, within 40 px, instead of everywhere. Only with one image.",
-    )
-    edges_px: tuple[tuple[Real, Real, Real, Real], ...] = Field(
-        default=(),
-        description="Edges that are measured: column and row of one end, and of the other. Only with one "
-        "image.",
-    )
-    earlier: InputPath | None = Field(
-        default=None,
-        description="Results of an earlier date for comparison: their folder. Default: none.",
-    )
-    motion: MotionSettings | None = Field(
-        default=None,
-        description="Movement of the images during their exposure, for comparison with the smear of their "
-        "edges. Only in a project file, whose exposures have angular velocities. Default: none.",
-    )
-    sensor: SensorSettings | None = Field(
-        default=None, description="Images of the sensor without a scene. Default: none."
-    )
+    points_px: tuple[tuple[Real, Real], ...] = ()
+    """Columns and rows (the centre of the first pixel is 0, 0) near which edges are searched for, within 40
+    px, instead of everywhere. Only with one image.
+    """
+    edges_px: tuple[tuple[Real, Real, Real, Real], ...] = ()
+    """Edges that are measured: column and row of one end, and of the other. Only with one image."""
+    earlier: InputPath | None = None
+    """Results of an earlier date for comparison: their folder. Default: none."""
+    motion: MotionSettings | None = None
+    """Movement of the images during their exposure, for comparison with the smear of their edges. Only in a
+    project file, whose exposures have angular velocities. Default: none.
+    """
+    sensor: SensorSettings | None = None
+    """Images of the sensor without a scene. Default: none."""
 
     @field_validator("earlier", mode="before")
     @classmethod
@@ -144,5 +122,7 @@ class ImageQualitySettings(Settings):
 class ImageQualityFile(Settings):
     """A file that describes nothing but images to be examined."""
 
-    version: Literal[1] = Field(description="Version of the file, 1.")
-    image_quality: ImageQualitySettings = Field(description="The images.")
+    version: Literal[1]
+    """Version of the file, 1."""
+    image_quality: ImageQualitySettings
+    """The images."""

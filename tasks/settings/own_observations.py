@@ -17,11 +17,11 @@ OBSERVATION_TYPES: Extended[object] = Extended("observations", {}, trouble_of_fu
 class OwnObservationsInput(Settings):
     """Observations of a type that an installed package adds."""
 
-    type: Annotated[str, AfterValidator(one_of(OBSERVATION_TYPES, "observation type"))] = Field(
-        description="Name of the type, as the package offers it in its entry points `aerocal.observations` "
-        "([how](library.md#your-own-observations-parameters-and-formats))."
-    )
-    file: InputPath = Field(description="The file with the observations; the package states its format.")
-    options: Mapping[str, bool | int | float | str] = Field(
-        default={}, description="Values required by the package."
-    )
+    type: Annotated[str, AfterValidator(one_of(OBSERVATION_TYPES, "observation type"))]
+    """Name of the type, as the package offers it in its entry points `aerocal.observations`
+    ([how](library.md#your-own-observations-parameters-and-formats)).
+    """
+    file: InputPath
+    """The file with the observations; the package states its format."""
+    options: Mapping[str, bool | int | float | str] = Field(default={})
+    """Values required by the package."""

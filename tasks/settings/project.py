@@ -31,17 +31,14 @@ class ProjectSettings(PlacedSettings):
 
     outside_key: ClassVar[frozenset[str]] = frozenset({"name", "flown"})
 
-    name: str = Field(min_length=1, max_length=LONGEST_NAME, description="Name of the project, for display.")
-    flown: date | None = Field(
-        default=None,
-        description="Date of the flight, e.g. 2012-05-24; determines which calibration of the "
-        "registry is valid.",
-    )
-    crs: str = Field(
-        description='CRS of the results: a projected CRS in metres, e.g. "EPSG:2154", or "local" (metric '
-        "Cartesian)."
-    )
-    heights: Heights = Field(description='Height system of the results; not needed with crs = "local".')
+    name: str = Field(min_length=1, max_length=LONGEST_NAME)
+    """Name of the project, for display."""
+    flown: date | None = None
+    """Date of the flight, e.g. 2012-05-24; determines which calibration of the registry is valid."""
+    crs: str
+    """CRS of the results: a projected CRS in metres, e.g. "EPSG:2154", or "local" (metric Cartesian)."""
+    heights: Heights
+    """Height system of the results; not needed with crs = "local"."""
 
 
 @dataclass(frozen=True)
@@ -65,53 +62,42 @@ class Project(Settings):
     # deliveries are made of published results; images are examined by themselves.
     outside_key: ClassVar[frozenset[str]] = frozenset({"sweep", "certificate", "deliver", "image_quality"})
 
-    version: Literal[1] = Field(description="Version of the project file, 1.")
-    project: ProjectSettings = Field(description="Name of the project and coordinate system of the results.")
-    cameras: dict[str, CameraInput] = Field(
-        min_length=1, description="One table for each camera; its name is the one used in the exposures."
-    )
-    inputs: Inputs = Field(description="The files.")
-    adjustment: AdjustmentSettings = Field(
-        default_factory=AdjustmentSettings, description="The bundle adjustment."
-    )
-    calibration: CalibrationSettings = Field(
-        default_factory=CalibrationSettings, description="The system calibration."
-    )
-    burn_in: BurnInSettings | None = Field(
-        default=None,
-        description="The burn-in protocol of a camera with composed images; default: none.",
-    )
-    direct_georeferencing: DirectGeoreferencingSettings = Field(
-        default_factory=DirectGeoreferencingSettings, description="The direct-georeferencing check."
-    )
-    checks: ChecksSettings = Field(
-        default_factory=ChecksSettings, description="Limits of the plausibility checks before the adjustment."
-    )
-    gates: Gates = Field(
-        default_factory=Gates, description="Quality gates: limits that the results must meet."
-    )
-    trust_map: TrustMapSettings | None = Field(
-        default=None, description="The trust map: accuracy of new points over the ground; default: none."
-    )
-    certificate: CertificateSettings = Field(
-        default_factory=CertificateSettings,
-        description="Laboratory and signatories; affects no number, and a change repeats only the "
-        "certificate.",
-    )
-    deliver: Annotated[tuple[DeliverSettings, ...], BeforeValidator(one_table_or_several)] = Field(
-        default=(),
-        description="Deliveries for other programs, written at the end of a run that adjusts; `[[deliver]]` "
-        "for each of several.",
-    )
-    statement: Annotated[tuple[StatementSettings, ...], BeforeValidator(one_table_or_several)] = Field(
-        default=(),
-        description="Accuracy statements required by authorities, derived from the check points of the "
-        "adjustment; `[[statement]]` for each of several.",
-    )
-    sweep: SweepSettings | None = Field(default=None, description="Scenarios computed by `aerocal sweep`.")
-    image_quality: ImageQualitySettings | None = Field(
-        default=None, description="Images examined by `aerocal image-quality`."
-    )
+    version: Literal[1]
+    """Version of the project file, 1."""
+    project: ProjectSettings
+    """Name of the project and coordinate system of the results."""
+    cameras: dict[str, CameraInput] = Field(min_length=1)
+    """One table for each camera; its name is the one used in the exposures."""
+    inputs: Inputs
+    """The files."""
+    adjustment: AdjustmentSettings = Field(default_factory=AdjustmentSettings)
+    """The bundle adjustment."""
+    calibration: CalibrationSettings = Field(default_factory=CalibrationSettings)
+    """The system calibration."""
+    burn_in: BurnInSettings | None = None
+    """The burn-in protocol of a camera with composed images; default: none."""
+    direct_georeferencing: DirectGeoreferencingSettings = Field(default_factory=DirectGeoreferencingSettings)
+    """The direct-georeferencing check."""
+    checks: ChecksSettings = Field(default_factory=ChecksSettings)
+    """Limits of the plausibility checks before the adjustment."""
+    gates: Gates = Field(default_factory=Gates)
+    """Quality gates: limits that the results must meet."""
+    trust_map: TrustMapSettings | None = None
+    """The trust map: accuracy of new points over the ground; default: none."""
+    certificate: CertificateSettings = Field(default_factory=CertificateSettings)
+    """Laboratory and signatories; affects no number, and a change repeats only the certificate."""
+    deliver: Annotated[tuple[DeliverSettings, ...], BeforeValidator(one_table_or_several)] = ()
+    """Deliveries for other programs, written at the end of a run that adjusts; `[[deliver]]` for each of
+    several.
+    """
+    statement: Annotated[tuple[StatementSettings, ...], BeforeValidator(one_table_or_several)] = ()
+    """Accuracy statements required by authorities, derived from the check points of the adjustment;
+    `[[statement]]` for each of several.
+    """
+    sweep: SweepSettings | None = None
+    """Scenarios computed by `aerocal sweep`."""
+    image_quality: ImageQualitySettings | None = None
+    """Images examined by `aerocal image-quality`."""
 
     _source: ProjectSource = PrivateAttr(default=ProjectSource())
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
 from adjust.camera.additional.register import REGISTER
 from adjust.camera.additional.selection import NOTHING, selected
@@ -33,27 +33,21 @@ Selection: TypeAlias = Annotated[str, AfterValidator(_known_selection)]
 class SelfCalibrationSettings(Settings):
     """Self-calibration by additional parameters."""
 
-    parameters: Selection = Field(
-        default=NOTHING,
-        description='Additional parameters to estimate, e.g. `"bluh:1-12"`, '
-        '`"bluh:1-12+42-73+81-88"`, `"brown:K1,K2"`, `"brown-forward:k1-k3,p1,p2"`, '
-        '`"legendre(5)"`; `"none"` for none. Focal length and principal point are listed '
-        "in `free`.",
-    )
-    per: Literal["camera", "flight"] = Field(
-        default="camera",
-        description="Whether each `camera` has its own set, or each camera in each `flight`. With "
-        "`flight`, a test shows whether the sets differ.",
-    )
-    sigma_um: Positive | None = Field(
-        default=None,
-        description="Standard deviation of each parameter about its given value, expressed as its "
-        "largest effect in the image, µm. Default: no prior.",
-    )
-    elimination: Literal["default", "bluh", "dmc_certificate", "none"] = Field(
-        default="default",
-        description="Rule by which parameters that are not significant, or not separable from "
-        "others, are eliminated one after another: `default` (correlation 0.90, total "
-        "correlation 0.95, t of 99 %), `bluh` (t below 1, correlations above 0.85), "
-        "`dmc_certificate` (t below 1.96), or `none`.",
-    )
+    parameters: Selection = NOTHING
+    """Additional parameters to estimate, e.g. `"bluh:1-12"`, `"bluh:1-12+42-73+81-88"`, `"brown:K1,K2"`,
+    `"brown-forward:k1-k3,p1,p2"`, `"legendre(5)"`; `"none"` for none. Focal length and principal point are
+    listed in `free`.
+    """
+    per: Literal["camera", "flight"] = "camera"
+    """Whether each `camera` has its own set, or each camera in each `flight`. With `flight`, a test shows
+    whether the sets differ.
+    """
+    sigma_um: Positive | None = None
+    """Standard deviation of each parameter about its given value, expressed as its largest effect in the
+    image, µm. Default: no prior.
+    """
+    elimination: Literal["default", "bluh", "dmc_certificate", "none"] = "default"
+    """Rule by which parameters that are not significant, or not separable from others, are eliminated one
+    after another: `default` (correlation 0.90, total correlation 0.95, t of 99 %), `bluh` (t below 1,
+    correlations above 0.85), `dmc_certificate` (t below 1.96), or `none`.
+    """

@@ -23,54 +23,42 @@ PROTOCOL = {"pan": (1000, 50, 4), "multispectral": (36, 1, 0)}
 class ExposureLevel(Settings):
     """Images with the same illumination and exposure."""
 
-    exposure_ms: NotNegative = Field(description="Exposure time, ms.")
-    images: Annotated[tuple[InputPath, InputPath], Field()] = Field(
-        description="Two images, whose difference is noise alone."
-    )
+    exposure_ms: NotNegative
+    """Exposure time, ms."""
+    images: Annotated[tuple[InputPath, InputPath], Field()]
+    """Two images, whose difference is noise alone."""
 
 
 class SensorSettings(Settings):
     """Images of a sensor without a scene, and the limits they must meet."""
 
-    kind: Literal["pan", "multispectral"] = Field(
-        description="Whose limits apply: panchromatic sensors may have 1000 defect pixels, 50 single and 4 "
-        "double columns, multispectral ones 36, 1 and 0."
-    )
-    bright: Images = Field(default=(), description="Flat images at about half the range.")
-    dark: Images = Field(default=(), description="Images without light.")
-    bright_limit: Positive = Field(
-        default=0.3,
-        description="Deviation from its neighbours in bright images above which a pixel is defect.",
-    )
-    dark_limit: Positive | None = Field(
-        default=None,
-        description="The same in dark images, grey values. Default: 1 % of the largest grey value.",
-    )
-    column_pixels: Annotated[Whole, Field(ge=1)] = Field(
-        default=12, description="Defect pixels that a column may have without being defective."
-    )
-    column_distance: Annotated[Whole, Field(ge=1)] = Field(
-        default=3, description="Minimum distance of defect columns, columns."
-    )
-    series: Annotated[tuple[ExposureLevel, ...], BeforeValidator(one_table_or_several)] = Field(
-        default=(), description="Exposure series, for linearity, sensitivity and photon transfer."
-    )
-    linearity_limit: Positive = Field(
-        default=0.01,
-        description="Largest residual of linearity that passes, as a fraction of the largest signal.",
-    )
-    transfer_limit: Positive = Field(
-        default=0.05,
-        description="Largest residual of photon transfer that passes, as a fraction of the variance.",
-    )
-    sensitivity_limit: Positive = Field(
-        default=0.01, description="Largest relative σ of the sensitivity that passes."
-    )
-    aperture_limit: Positive = Field(
-        default=0.02,
-        description="Largest deviation of a cell of the format from the smooth fall-off of light that "
-        "passes, as a fraction.",
-    )
+    kind: Literal["pan", "multispectral"]
+    """Whose limits apply: panchromatic sensors may have 1000 defect pixels, 50 single and 4 double columns,
+    multispectral ones 36, 1 and 0.
+    """
+    bright: Images = ()
+    """Flat images at about half the range."""
+    dark: Images = ()
+    """Images without light."""
+    bright_limit: Positive = 0.3
+    """Deviation from its neighbours in bright images above which a pixel is defect."""
+    dark_limit: Positive | None = None
+    """The same in dark images, grey values. Default: 1 % of the largest grey value."""
+    column_pixels: Annotated[Whole, Field(ge=1)] = 12
+    """Defect pixels that a column may have without being defective."""
+    column_distance: Annotated[Whole, Field(ge=1)] = 3
+    """Minimum distance of defect columns, columns."""
+    series: Annotated[tuple[ExposureLevel, ...], BeforeValidator(one_table_or_several)] = ()
+    """Exposure series, for linearity, sensitivity and photon transfer."""
+    linearity_limit: Positive = 0.01
+    """Largest residual of linearity that passes, as a fraction of the largest signal."""
+    transfer_limit: Positive = 0.05
+    """Largest residual of photon transfer that passes, as a fraction of the variance."""
+    sensitivity_limit: Positive = 0.01
+    """Largest relative σ of the sensitivity that passes."""
+    aperture_limit: Positive = 0.02
+    """Largest deviation of a cell of the format from the smooth fall-off of light that passes, as a fraction.
+    """
 
     @model_validator(mode="after")
     def _complete(self) -> SensorSettings:

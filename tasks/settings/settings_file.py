@@ -21,7 +21,7 @@ from tasks.errors import InputError
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import quoted, trouble_in_tables, visible
-from tasks.settings.base import PathContext, Settings
+from tasks.settings.base import PathContext, Settings, meaning_of
 from tasks.settings.declare import refuse_open_values
 from tasks.settings.key_lines import line_nested_deeper, line_of_key
 
@@ -345,6 +345,7 @@ def _remedy_for_missing(location: Keys, kind: SettingsKind) -> str:
     model: Any = kind.model
     for key in location[:-1]:
         model = model if isinstance(key, int) else _model_below(model, key)
-    field = cast(type[Settings], model).model_fields.get(str(location[-1]))
-    description = field.description if field is not None and field.description else ""
-    return f"Add it: {description}" if description else "Add it."
+    key = str(location[-1])
+    known = key in cast(type[Settings], model).model_fields
+    meaning = meaning_of(model, key) if known else ""
+    return f"Add it: {meaning}" if meaning else "Add it."

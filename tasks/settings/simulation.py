@@ -46,31 +46,24 @@ def _one_or_several(value: object) -> object:
 class SimulatedProject(Settings):
     """The project to be written."""
 
-    name: str = Field(min_length=1, description="Name of the project.")
-    crs: str = Field(
-        default=LOCAL,
-        description='CRS of the files: "local" (metric Cartesian), or a projected CRS such as '
-        '"EPSG:25832"; then `latitude_deg` and `longitude_deg` give the position of the '
-        "block.",
-    )
-    latitude_deg: Annotated[Real, Field(gt=-90.0, lt=90.0)] | None = Field(
-        default=None, description="Latitude of the block's centre, degrees."
-    )
-    longitude_deg: Annotated[Real, Field(ge=-180.0, le=180.0)] | None = Field(
-        default=None, description="Longitude of the block's centre, degrees east."
-    )
-    angles: Literal["heading-pitch-roll", "omega-phi-kappa"] = Field(
-        default="heading-pitch-roll", description="Angles in exposures.csv."
-    )
-    free: tuple[FreeParameter, ...] | None = Field(
-        default=None,
-        description="System parameters estimated by the project. Default: those whose true values "
-        "differ from the stated ones.",
-    )
-    observe: tuple[ObservedGroup, ...] | None = Field(
-        default=None,
-        description="Observations used by the project in addition to the image points; default: all.",
-    )
+    name: str = Field(min_length=1)
+    """Name of the project."""
+    crs: str = LOCAL
+    """CRS of the files: "local" (metric Cartesian), or a projected CRS such as "EPSG:25832"; then
+    `latitude_deg` and `longitude_deg` give the position of the block.
+    """
+    latitude_deg: Annotated[Real, Field(gt=-90.0, lt=90.0)] | None = None
+    """Latitude of the block's centre, degrees."""
+    longitude_deg: Annotated[Real, Field(ge=-180.0, le=180.0)] | None = None
+    """Longitude of the block's centre, degrees east."""
+    angles: Literal["heading-pitch-roll", "omega-phi-kappa"] = "heading-pitch-roll"
+    """Angles in exposures.csv."""
+    free: tuple[FreeParameter, ...] | None = None
+    """System parameters estimated by the project. Default: those whose true values differ from the stated
+    ones.
+    """
+    observe: tuple[ObservedGroup, ...] | None = None
+    """Observations used by the project in addition to the image points; default: all."""
 
     @model_validator(mode="after")
     def _has_a_place(self) -> SimulatedProject:
@@ -91,25 +84,29 @@ class SimulatedProject(Settings):
 class SimulatedCamera(Settings):
     """The camera according to its certificate."""
 
-    name: str = Field(min_length=1, description="Name of the camera.")
-    columns: Pixels = Field(description="Width of the image, px.")
-    rows: Pixels = Field(description="Height of the image, px.")
-    pixel_um: Positive = Field(description="Side of a (square) pixel, µm.")
-    focal_length_mm: Positive = Field(description="Principal distance c, mm.")
-    principal_point_mm: Pair = Field(default=(0.0, 0.0), description="Principal point x, y, mm.")
-    mount_deg: Literal[0, 90, 180, 270] = Field(
-        default=0, description="κ_mount; 0: image x (columns) points forward."
-    )
+    name: str = Field(min_length=1)
+    """Name of the camera."""
+    columns: Pixels
+    """Width of the image, px."""
+    rows: Pixels
+    """Height of the image, px."""
+    pixel_um: Positive
+    """Side of a (square) pixel, µm."""
+    focal_length_mm: Positive
+    """Principal distance c, mm."""
+    principal_point_mm: Pair = (0.0, 0.0)
+    """Principal point x, y, mm."""
+    mount_deg: Literal[0, 90, 180, 270] = 0
+    """κ_mount; 0: image x (columns) points forward."""
 
 
 class PlannedCamera(SimulatedCamera):
     """The camera with which the lines are planned."""
 
-    takes_pictures: bool = Field(
-        default=True,
-        description="`false`: it stands for the platform of the heads, such as the virtual image composed of "
-        "theirs, and takes no pictures.",
-    )
+    takes_pictures: bool = True
+    """`false`: it stands for the platform of the heads, such as the virtual image composed of theirs, and
+    takes no pictures.
+    """
 
 
 _SIDE = 110.0
@@ -126,71 +123,70 @@ class SimulatedFilm(Settings):
         min_length=3,
         description="Coordinates of the fiducial marks, as in the calibration report, mm.",
     )  # fmt: skip
-    fiducial_um: Positive = Field(default=3.0, description="σ of a measured mark, µm.")
-    shrinkage_ppm: Finite = Field(default=100.0, description="Shrinkage of the film, parts per million.")
-    affine_ppm: NotNegative = Field(
-        default=50.0,
-        description="σ of the further affine deformation of each image (scales and shears), parts per "
-        "million.",
-    )
-    shift_mm: NotNegative = Field(
-        default=0.2, description="σ of the displacement of each image in the scanner, mm."
-    )
+    fiducial_um: Positive = 3.0
+    """σ of a measured mark, µm."""
+    shrinkage_ppm: Finite = 100.0
+    """Shrinkage of the film, parts per million."""
+    affine_ppm: NotNegative = 50.0
+    """σ of the further affine deformation of each image (scales and shears), parts per million."""
+    shift_mm: NotNegative = 0.2
+    """σ of the displacement of each image in the scanner, mm."""
 
 
 class SimulatedHead(SimulatedCamera):
     """A further head of a rig, `[[head]]` for each; the lines are planned with `[camera]`."""
 
-    rotation_deg: Triple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="Rotation relative to the camera, as stated in the project: roll, pitch, yaw, degrees. "
-        "`[45, 0, 0]` looks to the left, `[0, 45, 0]` ahead.",
-    )
-    position_m: Triple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="Position relative to the camera, as stated in the project: forward, right, down, m.",
-    )
-    rotation_change_deg: Triple = Field(
-        default=(0.0, 0.0, 0.0), description="True minus stated rotation, degrees."
-    )
-    position_change_m: Triple = Field(default=(0.0, 0.0, 0.0), description="True minus stated position, m.")
-    synchronisation_offset_s: Finite = Field(
-        default=0.0, description="Delay of its exposure relative to the camera, as stated in the project, s."
-    )
-    synchronisation_offset_change_s: Finite = Field(
-        default=0.0, description="True minus stated synchronisation offset, s."
-    )
+    rotation_deg: Triple = (0.0, 0.0, 0.0)
+    """Rotation relative to the camera, as stated in the project: roll, pitch, yaw, degrees. `[45, 0, 0]`
+    looks to the left, `[0, 45, 0]` ahead.
+    """
+    position_m: Triple = (0.0, 0.0, 0.0)
+    """Position relative to the camera, as stated in the project: forward, right, down, m."""
+    rotation_change_deg: Triple = (0.0, 0.0, 0.0)
+    """True minus stated rotation, degrees."""
+    position_change_m: Triple = (0.0, 0.0, 0.0)
+    """True minus stated position, m."""
+    synchronisation_offset_s: Finite = 0.0
+    """Delay of its exposure relative to the camera, as stated in the project, s."""
+    synchronisation_offset_change_s: Finite = 0.0
+    """True minus stated synchronisation offset, s."""
 
 
 class FlightLines(Settings):
     """Parallel lines with the same settings; `[flight]` for one group, `[[flight]]` for each of several."""
 
-    name: str = Field(
-        min_length=1, pattern=r"^[A-Za-z0-9.-]+$", description="Prefix of the line number in strip names."
-    )
-    flight: str = Field(default="1", min_length=1, description="Flight to which the lines belong.")
-    height_m: Positive = Field(description="Flying height above the mean terrain, m.")
-    heading_deg: Finite = Field(description="Heading of the first line, degrees clockwise from north.")
-    lines: Annotated[Whole, Field(gt=0, le=MOST_EXPOSURES)] | None = Field(
-        default=None, description="Number of lines; default: the length of `exposures`."
-    )
+    name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9.-]+$")
+    """Prefix of the line number in strip names."""
+    flight: str = Field(default="1", min_length=1)
+    """Flight to which the lines belong."""
+    height_m: Positive
+    """Flying height above the mean terrain, m."""
+    heading_deg: Finite
+    """Heading of the first line, degrees clockwise from north."""
+    lines: Annotated[Whole, Field(gt=0, le=MOST_EXPOSURES)] | None = None
+    """Number of lines; default: the length of `exposures`."""
     exposures: Annotated[
         tuple[Annotated[Whole, Field(gt=0, le=MOST_EXPOSURES)], ...], BeforeValidator(_one_or_several)
-    ] = Field(description="Number of exposures of every line, or a list with one number for each line.")
-    end_lap: Part = Field(default=0.6, description="End lap, 0 to 1.")
-    side_lap: Part = Field(default=0.6, description="Side lap, 0 to 1.")
-    base_m: Positive | None = Field(default=None, description="Base, m; instead of `end_lap`.")
-    spacing_m: Positive | None = Field(default=None, description="Line spacing, m; instead of `side_lap`.")
-    directions: Literal["single", "alternating", "both"] = Field(
-        default="alternating",
-        description="`single`: all lines in the same direction; `alternating`: every second one "
-        "reversed; `both`: every line forward and reverse.",
-    )
-    centre_m: Pair = Field(default=(0.0, 0.0), description="Centre of the group: east, north, m.")
-    start_m: Pair | None = Field(
-        default=None, description="First exposure of the first line, m; instead of `centre_m`."
-    )
-    speed_m_s: Positive = Field(default=75.0, description="Speed over ground, m/s.")
+    ]
+    """Number of exposures of every line, or a list with one number for each line."""
+    end_lap: Part = 0.6
+    """End lap, 0 to 1."""
+    side_lap: Part = 0.6
+    """Side lap, 0 to 1."""
+    base_m: Positive | None = None
+    """Base, m; instead of `end_lap`."""
+    spacing_m: Positive | None = None
+    """Line spacing, m; instead of `side_lap`."""
+    directions: Literal["single", "alternating", "both"] = "alternating"
+    """`single`: all lines in the same direction; `alternating`: every second one reversed; `both`: every line
+    forward and reverse.
+    """
+    centre_m: Pair = (0.0, 0.0)
+    """Centre of the group: east, north, m."""
+    start_m: Pair | None = None
+    """First exposure of the first line, m; instead of `centre_m`."""
+    speed_m_s: Positive = 75.0
+    """Speed over ground, m/s."""
 
     @model_validator(mode="after")
     def _as_many_numbers_as_lines(self) -> FlightLines:
@@ -218,25 +214,21 @@ class FlightLines(Settings):
 class SimulatedTrajectory(Settings):
     """Deviations of the flight from its plan."""
 
-    position_m: NotNegativeTriple = Field(
-        default=(3.0, 3.0, 5.0), description="σ of the flight about its plan: along, across, height, m."
-    )
-    attitude_deg: NotNegativeTriple = Field(
-        default=(1.0, 1.0, 0.5), description="σ of roll, pitch, heading of an exposure, degrees."
-    )
-    crab_deg: NotNegative = Field(default=3.0, description="σ of the crab angle of a strip, degrees.")
-    rate_deg_s: NotNegativeTriple = Field(
-        default=(0.0, 0.0, 0.0),
-        description="σ of the angular velocity of the body at an exposure about its axes forward, "
-        "right, down, degrees per second. If not zero, the exposures are delivered with "
-        "rates.",
-    )
-    sbet_hz: Annotated[Real, Field(ge=1.0, le=1000.0)] | None = Field(
-        default=None,
-        description="Deliver the exposures as trajectories and events instead of a table: for each flight an "
-        "SBET with so many samples per second, its smrmsg, and the times of the exposures. Velocities and "
-        "rates are then those of a smooth path through the exposures, with turns.",
-    )
+    position_m: NotNegativeTriple = (3.0, 3.0, 5.0)
+    """σ of the flight about its plan: along, across, height, m."""
+    attitude_deg: NotNegativeTriple = (1.0, 1.0, 0.5)
+    """σ of roll, pitch, heading of an exposure, degrees."""
+    crab_deg: NotNegative = 3.0
+    """σ of the crab angle of a strip, degrees."""
+    rate_deg_s: NotNegativeTriple = (0.0, 0.0, 0.0)
+    """σ of the angular velocity of the body at an exposure about its axes forward, right, down, degrees per
+    second. If not zero, the exposures are delivered with rates.
+    """
+    sbet_hz: Annotated[Real, Field(ge=1.0, le=1000.0)] | None = None
+    """Deliver the exposures as trajectories and events instead of a table: for each flight an SBET with so
+    many samples per second, its smrmsg, and the times of the exposures. Velocities and rates are then those
+    of a smooth path through the exposures, with turns.
+    """
 
     @model_validator(mode="after")
     def _one_kind_of_rates(self) -> SimulatedTrajectory:
@@ -251,59 +243,58 @@ class SimulatedTrajectory(Settings):
 class SimulatedTerrain(Settings):
     """The terrain: a sum of sines."""
 
-    mean_m: Finite = Field(default=0.0, description="Mean elevation, m.")
-    relief_m: NotNegative = Field(default=0.0, description="RMS of the elevations about it, m; 0: flat.")
-    shortest_m: Positive = Field(default=400.0, description="Shortest wavelength, m.")
-    longest_m: Positive = Field(default=3000.0, description="Longest wavelength, m.")
+    mean_m: Finite = 0.0
+    """Mean elevation, m."""
+    relief_m: NotNegative = 0.0
+    """RMS of the elevations about it, m; 0: flat."""
+    shortest_m: Positive = 400.0
+    """Shortest wavelength, m."""
+    longest_m: Positive = 3000.0
+    """Longest wavelength, m."""
 
 
 class SimulatedPoints(Settings):
     """Tie points."""
 
-    count: Annotated[Whole, Field(gt=0, le=_MOST_POINTS)] = Field(
-        description="Expected number of tie points."
-    )
-    detection: Annotated[Real, Field(gt=0.0, le=1.0)] = Field(
-        default=1.0, description="Probability that a point is measured in an image in which it is visible."
-    )
-    min_rays: Annotated[Whole, Field(ge=2, le=MOST_EXPOSURES)] = Field(
-        default=2, description="Points with fewer rays are dropped."
-    )
-    margin: Part = Field(
-        default=0.02, description="Fraction of the half format along the borders without measurements."
-    )
+    count: Annotated[Whole, Field(gt=0, le=_MOST_POINTS)]
+    """Expected number of tie points."""
+    detection: Annotated[Real, Field(gt=0.0, le=1.0)] = 1.0
+    """Probability that a point is measured in an image in which it is visible."""
+    min_rays: Annotated[Whole, Field(ge=2, le=MOST_EXPOSURES)] = 2
+    """Points with fewer rays are dropped."""
+    margin: Part = 0.02
+    """Fraction of the half format along the borders without measurements."""
 
 
 class SimulatedControl(Settings):
     """Control and check points with the same layout; `[control]` for one set, `[[control]]` for several."""
 
-    layout: Literal["grid", "perimeter", "spread", "list"] = Field(
-        description="`grid`: columns × rows; `perimeter`: evenly along the border of the covered area; "
-        "`spread`: each as far as possible from the others; `list`: at `places_m`."
-    )
-    kind: Literal["full", "height", "plan"] = Field(
-        default="full", description="Which coordinates are known: all, the height, or x and y."
-    )
-    columns: Surveyed | None = Field(default=None, description="Columns of a grid.")
-    rows: Surveyed | None = Field(default=None, description="Rows of a grid.")
-    count: Surveyed | None = Field(default=None, description="Number of points of `perimeter` and `spread`.")
-    places_m: tuple[Pair, ...] = Field(default=(), description="East, north of the points of a list, m.")
-    control: Annotated[Whole, Field(ge=0)] | None = Field(
-        default=None,
-        description="Number of control points, chosen for the best distribution; the others are "
-        "check points. Default: all, except `check_fraction`.",
-    )
-    check_fraction: Annotated[Real, Field(ge=0.0, le=1.0)] = Field(
-        default=0.0, description="Fraction of the points that are check points; instead of `control`."
-    )
-    margin: Part = Field(
-        default=0.03, description="Fraction of the sides of the covered area left free along its borders."
-    )
-    extent_m: tuple[Positive, Positive] | None = Field(
-        default=None,
-        description="Sides east, north of a rectangle about the origin in which the points lie, m; "
-        "default: the covered area.",
-    )
+    layout: Literal["grid", "perimeter", "spread", "list"]
+    """`grid`: columns × rows; `perimeter`: evenly along the border of the covered area; `spread`: each as far
+    as possible from the others; `list`: at `places_m`.
+    """
+    kind: Literal["full", "height", "plan"] = "full"
+    """Which coordinates are known: all, the height, or x and y."""
+    columns: Surveyed | None = None
+    """Columns of a grid."""
+    rows: Surveyed | None = None
+    """Rows of a grid."""
+    count: Surveyed | None = None
+    """Number of points of `perimeter` and `spread`."""
+    places_m: tuple[Pair, ...] = ()
+    """East, north of the points of a list, m."""
+    control: Annotated[Whole, Field(ge=0)] | None = None
+    """Number of control points, chosen for the best distribution; the others are check points. Default: all,
+    except `check_fraction`.
+    """
+    check_fraction: Annotated[Real, Field(ge=0.0, le=1.0)] = 0.0
+    """Fraction of the points that are check points; instead of `control`."""
+    margin: Part = 0.03
+    """Fraction of the sides of the covered area left free along its borders."""
+    extent_m: tuple[Positive, Positive] | None = None
+    """Sides east, north of a rectangle about the origin in which the points lie, m; default: the covered
+    area.
+    """
 
     @model_validator(mode="after")
     def _complete(self) -> SimulatedControl:
@@ -333,43 +324,40 @@ _AsTuple = BeforeValidator(one_table_or_several)
 class Simulation(Settings):
     """A simulation: SPEC.toml, its preset filled in."""
 
-    preset: str | None = Field(
-        default=None, description="The preset that supplies all values not given here."
-    )
-    seed: Annotated[Whole, Field(ge=0)] = Field(default=1, description="Seed of all random numbers.")
-    project: SimulatedProject = Field(description="The project to be written.")
-    camera: PlannedCamera = Field(description="The camera; of a rig the reference head.")
-    head: Annotated[tuple[SimulatedHead, ...], BeforeValidator(one_table_or_several)] = Field(
-        default=(), description="Further heads of a rig, exposed together with the camera."
-    )
-    flight: Annotated[tuple[FlightLines, ...], Field(min_length=1), _AsTuple] = Field(
-        description="Groups of parallel lines."
-    )
-    trajectory: SimulatedTrajectory = Field(
-        default_factory=SimulatedTrajectory, description="Deviations of the flight from its plan."
-    )
-    terrain: SimulatedTerrain = Field(default_factory=SimulatedTerrain, description="The terrain.")
-    points: SimulatedPoints = Field(description="Tie points.")
-    control: Annotated[tuple[SimulatedControl, ...], _AsTuple] = Field(
-        default=(), description="Control and check points."
-    )
-    noise: SimulatedNoise = Field(description="Noise and gross errors.")
-    truth: SimulatedTruth = Field(default_factory=SimulatedTruth, description="The true camera system.")
-    film: SimulatedFilm | None = Field(
-        default=None, description="Film images with fiducial marks; default: digital images."
-    )
-    calibration: CalibrationSettings | None = Field(
-        default=None, description="The `[calibration]` of the project, as in docs/project-file.md."
-    )
-    burn_in: BurnInSettings | None = Field(
-        default=None, description="The `[burn_in]` of the project, as in docs/project-file.md."
-    )
-    gates: Gates | None = Field(
-        default=None, description="The `[gates]` of the project, as in docs/project-file.md."
-    )
-    sweep: SweepSettings | None = Field(
-        default=None, description="The `[sweep]` of the project, as in docs/project-file.md."
-    )
+    preset: str | None = None
+    """The preset that supplies all values not given here."""
+    seed: Annotated[Whole, Field(ge=0)] = 1
+    """Seed of all random numbers."""
+    project: SimulatedProject
+    """The project to be written."""
+    camera: PlannedCamera
+    """The camera; of a rig the reference head."""
+    head: Annotated[tuple[SimulatedHead, ...], BeforeValidator(one_table_or_several)] = ()
+    """Further heads of a rig, exposed together with the camera."""
+    flight: Annotated[tuple[FlightLines, ...], Field(min_length=1), _AsTuple]
+    """Groups of parallel lines."""
+    trajectory: SimulatedTrajectory = Field(default_factory=SimulatedTrajectory)
+    """Deviations of the flight from its plan."""
+    terrain: SimulatedTerrain = Field(default_factory=SimulatedTerrain)
+    """The terrain."""
+    points: SimulatedPoints
+    """Tie points."""
+    control: Annotated[tuple[SimulatedControl, ...], _AsTuple] = ()
+    """Control and check points."""
+    noise: SimulatedNoise
+    """Noise and gross errors."""
+    truth: SimulatedTruth = Field(default_factory=SimulatedTruth)
+    """The true camera system."""
+    film: SimulatedFilm | None = None
+    """Film images with fiducial marks; default: digital images."""
+    calibration: CalibrationSettings | None = None
+    """The `[calibration]` of the project, as in docs/project-file.md."""
+    burn_in: BurnInSettings | None = None
+    """The `[burn_in]` of the project, as in docs/project-file.md."""
+    gates: Gates | None = None
+    """The `[gates]` of the project, as in docs/project-file.md."""
+    sweep: SweepSettings | None = None
+    """The `[sweep]` of the project, as in docs/project-file.md."""
 
     @model_validator(mode="after")
     def _of_a_size(self) -> Simulation:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import field_validator, model_validator
 
 from tasks.accuracy.statement import AccuracyClass
 from tasks.accuracy.template import Standard, Template, delivered, read_template
@@ -16,24 +16,16 @@ from tasks.settings.coordinates import PositivePair
 class StatementSettings(Settings):
     """A statement about the accuracy at the check points, by a published standard or a template."""
 
-    standard: Standard | None = Field(
-        default=None, description="A delivered standard; either this or `template`."
-    )
-    template: InputPath | None = Field(
-        default=None,
-        description="TOML file of your own [template](statements.md#templates); relative to the "
-        "project file.",
-    )
-    class_m: PositivePair | None = Field(
-        default=None,
-        description="Accuracy class to be met, horizontal and vertical RMSE including the survey, m; one "
-        "number or two. Default: no class.",
-    )
-    vegetated: tuple[str, ...] = Field(
-        default=(),
-        description="Names of check points under vegetation: they are stated separately (VVA), without a "
-        "class.",
-    )
+    standard: Standard | None = None
+    """A delivered standard; either this or `template`."""
+    template: InputPath | None = None
+    """TOML file of your own [template](statements.md#templates); relative to the project file."""
+    class_m: PositivePair | None = None
+    """Accuracy class to be met, horizontal and vertical RMSE including the survey, m; one number or two.
+    Default: no class.
+    """
+    vegetated: tuple[str, ...] = ()
+    """Names of check points under vegetation: they are stated separately (VVA), without a class."""
 
     @field_validator("template", mode="after")
     @classmethod

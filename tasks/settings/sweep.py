@@ -26,27 +26,21 @@ UNCHANGED = "as in the project"
 class BlockSelection(Settings):
     """Images of a sub-block: those that meet all given conditions; `["low"]` is short for these flights."""
 
-    flights: tuple[str, ...] | None = Field(default=None, description="Names of the flights; default: all.")
-    strips: tuple[str, ...] | None = Field(
-        default=None,
-        description='Names of the strips, with `*` and `?` as wildcards: `["E*"]` excludes crossing '
-        'strips, `["E01", "E03", "E05"]` reduces double coverage to single. Default: all.',
-    )
-    height_m: NotNegativePair | None = Field(
-        default=None,
-        description="Minimum and maximum flying height above the object points, m; default: any.",
-    )
+    flights: tuple[str, ...] | None = None
+    """Names of the flights; default: all."""
+    strips: tuple[str, ...] | None = None
+    """Names of the strips, with `*` and `?` as wildcards: `["E*"]` excludes crossing strips, `["E01", "E03",
+    "E05"]` reduces double coverage to single. Default: all.
+    """
+    height_m: NotNegativePair | None = None
+    """Minimum and maximum flying height above the object points, m; default: any."""
 
-    every_strip: Annotated[Whole, Field(ge=1)] = Field(
-        default=1,
-        description="Only every p-th of these strips of each flight, in the order of their names. With 60 % "
-        "side lap, 2 leaves 20 %.",
-    )
-    every_image: Annotated[Whole, Field(ge=1)] = Field(
-        default=1,
-        description="Only every q-th image of each strip, in the order of their names: with 80 % end lap, 2 "
-        "leaves 60 %.",
-    )
+    every_strip: Annotated[Whole, Field(ge=1)] = 1
+    """Only every p-th of these strips of each flight, in the order of their names. With 60 % side lap, 2
+    leaves 20 %.
+    """
+    every_image: Annotated[Whole, Field(ge=1)] = 1
+    """Only every q-th image of each strip, in the order of their names: with 80 % end lap, 2 leaves 60 %."""
 
     @model_validator(mode="before")
     @classmethod
@@ -59,26 +53,17 @@ class BlockSelection(Settings):
 class ControlScenario(Settings):
     """Which surveyed points are control points; all others are check points."""
 
-    roles: Literal["delivered", "all"] | None = Field(
-        default=None,
-        description='`"delivered"`: as in the control files; `"all"`: every point. Written as this '
-        "word alone.",
-    )
-    count: Annotated[Whole, Field(ge=0)] | None = Field(
-        default=None,
-        description="Number of control points, chosen from those that are surveyed in "
-        "all coordinates and measured.",
-    )
-    layout: Literal["even", "border"] = Field(
-        default="even",
-        description="How `count` points are chosen. `even`: each as far as possible from the "
-        "preceding ones, so that the first four lie in the corners and smaller "
-        "selections are subsets of larger ones; `border`: evenly along the border of the "
-        "area.",
-    )
-    points: tuple[str, ...] | None = Field(
-        default=None, description="Exactly these points; a list alone is short for it."
-    )
+    roles: Literal["delivered", "all"] | None = None
+    """`"delivered"`: as in the control files; `"all"`: every point. Written as this word alone."""
+    count: Annotated[Whole, Field(ge=0)] | None = None
+    """Number of control points, chosen from those that are surveyed in all coordinates and measured."""
+    layout: Literal["even", "border"] = "even"
+    """How `count` points are chosen. `even`: each as far as possible from the preceding ones, so that the
+    first four lie in the corners and smaller selections are subsets of larger ones; `border`: evenly along
+    the border of the area.
+    """
+    points: tuple[str, ...] | None = None
+    """Exactly these points; a list alone is short for it."""
 
     @model_validator(mode="before")
     @classmethod
@@ -102,39 +87,27 @@ class SweepSettings(Settings):
 
     outside_key: ClassVar[frozenset[str]] = frozenset({"workers"})
 
-    blocks: dict[Name, BlockSelection] = Field(
-        default={"all": BlockSelection()},
-        min_length=1,
-        description='Sub-blocks by name, e.g. `both = ["low", "high"]` (flights) or a table. '
-        "Default: the whole block.",
-    )
+    blocks: dict[Name, BlockSelection] = Field(default={"all": BlockSelection()}, min_length=1)
+    """Sub-blocks by name, e.g. `both = ["low", "high"]` (flights) or a table. Default: the whole block."""
     control: dict[Name, ControlScenario] = Field(
-        default={"delivered": ControlScenario(roles="delivered")},
-        min_length=1,
-        description='Choices of control points by name, e.g. `"44/40" = { count = 44 }`. Default: '
-        "the roles as delivered.",
+        default={"delivered": ControlScenario(roles="delivered")}, min_length=1
     )
+    """Choices of control points by name, e.g. `"44/40" = { count = 44 }`. Default: the roles as delivered."""
     parameters: tuple[Name, ...] = Field(
         default=(),
         description="Sets of additional parameters, each giving a variant of this name; short for variants "
         f'that change `{SELECTION}`, e.g. `["none", "bluh:1-12"]`.',
     )
-    variants: dict[Name, dict[str, JsonValue]] = Field(
-        default={},
-        description="Variants of the settings by name; each lists the settings of this file that it "
-        'changes: `loose = { "inputs.control.sigma_m" = 0.1 }`. An empty table changes '
-        "nothing.",
-    )
-    compare_with: Annotated[str, AfterValidator(one_of(published_names, "published table"))] | None = Field(
-        default=None,
-        description="Published table shown with the results where block, control and variant have "
-        "the same names (docs/sweep.md).",
-    )
-    workers: Annotated[Whole, Field(ge=1)] | None = Field(
-        default=None,
-        description="Number of parallel processes; it does not affect the results. Default: one for "
-        "each processor.",
-    )
+    variants: dict[Name, dict[str, JsonValue]] = Field(default={})
+    """Variants of the settings by name; each lists the settings of this file that it changes: `loose = {
+    "inputs.control.sigma_m" = 0.1 }`. An empty table changes nothing.
+    """
+    compare_with: Annotated[str, AfterValidator(one_of(published_names, "published table"))] | None = None
+    """Published table shown with the results where block, control and variant have the same names
+    (docs/sweep.md).
+    """
+    workers: Annotated[Whole, Field(ge=1)] | None = None
+    """Number of parallel processes; it does not affect the results. Default: one for each processor."""
 
     @model_validator(mode="after")
     def _every_name_once(self) -> SweepSettings:

@@ -30,34 +30,27 @@ class TableSettings(Settings):
     The keys are part of `[inputs.image_points]`, `[inputs.exposures]` and `[inputs.control]` themselves.
     """
 
-    separator: Separator = Field(
-        default="comma", description="Separator between columns; `blank` is any sequence of blanks or tabs."
-    )
-    decimal: Literal[".", ","] = Field(default=".", description="Decimal mark of numbers.")
-    columns: dict[str, Name | ColumnNumber] = Field(
-        default_factory=dict,
-        description="aerocal's name of a column → its heading in the file, or its number from 1: "
-        '`columns = { point = "Name", x = "Easting" }`. Columns with aerocal\'s headings '
-        "need not be listed. The columns that are read are listed at `format`.",
-    )
-    unused: tuple[Name, ...] = Field(
-        default=(),
-        description="Columns of the file that are ignored although they have aerocal's headings.",
-    )
-    header: bool = Field(
-        default=True,
-        description="Whether the rows are preceded by a header line; if not, `columns` are numbers.",
-    )
-    skip_lines: Annotated[Whole, Field(ge=0, le=_MOST_LINES)] = Field(
-        default=0, description="Number of lines at the top of the file that are neither header nor rows."
-    )
-    comment: Name | None = Field(
-        default=None, description='Start of lines that are ignored, e.g. `"#"` or `"//"`.'
-    )
-    quote: Literal['"', "'"] = Field(
-        default='"', description="Quotation mark around names that contain a separator."
-    )
-    encoding: Literal["utf-8", "latin-1"] = Field(default="utf-8", description="Encoding of the text.")
+    separator: Separator = "comma"
+    """Separator between columns; `blank` is any sequence of blanks or tabs."""
+    decimal: Literal[".", ","] = "."
+    """Decimal mark of numbers."""
+    columns: dict[str, Name | ColumnNumber] = Field(default_factory=dict)
+    """aerocal's name of a column → its heading in the file, or its number from 1: `columns = { point =
+    "Name", x = "Easting" }`. Columns with aerocal's headings need not be listed. The columns that are read
+    are listed at `format`.
+    """
+    unused: tuple[Name, ...] = ()
+    """Columns of the file that are ignored although they have aerocal's headings."""
+    header: bool = True
+    """Whether the rows are preceded by a header line; if not, `columns` are numbers."""
+    skip_lines: Annotated[Whole, Field(ge=0, le=_MOST_LINES)] = 0
+    """Number of lines at the top of the file that are neither header nor rows."""
+    comment: Name | None = None
+    """Start of lines that are ignored, e.g. `"#"` or `"//"`."""
+    quote: Literal['"', "'"] = '"'
+    """Quotation mark around names that contain a separator."""
+    encoding: Literal["utf-8", "latin-1"] = "utf-8"
+    """Encoding of the text."""
 
     @model_validator(mode="after")
     def _only_of_tables(self) -> TableSettings:
@@ -95,18 +88,15 @@ class TableSettings(Settings):
 class StripRule(Settings):
     """How strips are separated; `strip = "time-gaps"` is short for `{ gap_factor = 3.0 }`."""
 
-    gap_factor: Positive | None = Field(
-        default=None,
-        description="A strip ends where the next image follows after more than this many median "
-        "intervals of the file. In each flight, strips are numbered in order of time.",
-    )
-    pattern: Name | None = Field(
-        default=None,
-        description="Position of strip (and flight) in the image name: `{strip}`, `{flight}`, `*` "
-        "for any text, `?` for one character, all other characters literally. `{strip}` "
-        "and `*` end at the first occurrence of the character that follows them: "
-        '`"*_{strip}_*"` finds 05 in `2015_05_0182`.',
-    )
+    gap_factor: Positive | None = None
+    """A strip ends where the next image follows after more than this many median intervals of the file. In
+    each flight, strips are numbered in order of time.
+    """
+    pattern: Name | None = None
+    """Position of strip (and flight) in the image name: `{strip}`, `{flight}`, `*` for any text, `?` for one
+    character, all other characters literally. `{strip}` and `*` end at the first occurrence of the character
+    that follows them: `"*_{strip}_*"` finds 05 in `2015_05_0182`.
+    """
 
     @model_validator(mode="before")
     @classmethod

@@ -32,20 +32,17 @@ _CLOCK_WORDS = (
 class EventsInput(TableSettings):
     """The times of the exposures, at which a trajectory is interpolated."""
 
-    file: InputPath = Field(description="The file.")
-    format: Annotated[str, AfterValidator(one_of(EVENT_FORMATS, "format of events"))] = Field(
-        default="csv",
-        description="`csv` (image, time [, camera, strip, flight]; other headings can be declared) or "
-        "`dji-mrk`.",
-    )
+    file: InputPath
+    """The file."""
+    format: Annotated[str, AfterValidator(one_of(EVENT_FORMATS, "format of events"))] = "csv"
+    """`csv` (image, time [, camera, strip, flight]; other headings can be declared) or `dji-mrk`."""
     time: ClockName | None = Field(
         default=None, description=f"Clock of the times; needed with `csv`. {_CLOCK_WORDS}."
     )
-    outside: Literal["refuse", "leave-out"] = Field(
-        default="refuse",
-        description="Treatment of events before, after, or in a gap of the trajectory. `leave-out`: these "
-        "exposures have neither position nor attitude. A trajectory is never extrapolated.",
-    )
+    outside: Literal["refuse", "leave-out"] = "refuse"
+    """Treatment of events before, after, or in a gap of the trajectory. `leave-out`: these exposures have
+    neither position nor attitude. A trajectory is never extrapolated.
+    """
 
     @model_validator(mode="after")
     def _one_clock(self) -> EventsInput:
@@ -65,18 +62,13 @@ class TrajectoryInput(Settings):
     time: Literal["gps-week", "gps-day", "utc-week", "utc-day"] | None = Field(
         default=None, description=f"Clock of the trajectory; needed with `sbet`. {_CLOCK_WORDS}."
     )
-    accuracy: InputPath | None = Field(
-        default=None,
-        description="Accuracies of the trajectory (smrmsg), on its clock; the σ of an exposure are "
-        "interpolated in them.",
-    )
-    longest_gap_s: Positive | None = Field(
-        default=None,
-        description="Longest interval between two samples within which a position is interpolated, s. "
-        "Default: 2.5 median intervals.",
-    )
-    gps_minus_utc_s: NotNegative | None = Field(
-        default=None,
-        description="Leap seconds between GPS time and UTC; needed if trajectory and events are on "
-        "different scales. 18 s since 2017.",
-    )
+    accuracy: InputPath | None = None
+    """Accuracies of the trajectory (smrmsg), on its clock; the σ of an exposure are interpolated in them."""
+    longest_gap_s: Positive | None = None
+    """Longest interval between two samples within which a position is interpolated, s. Default: 2.5 median
+    intervals.
+    """
+    gps_minus_utc_s: NotNegative | None = None
+    """Leap seconds between GPS time and UTC; needed if trajectory and events are on different scales. 18 s
+    since 2017.
+    """
