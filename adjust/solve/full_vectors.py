@@ -115,23 +115,22 @@ def inverse_products(
     Parameters
     ----------
     state : that of linearisation.
-    vectors : ``of_points`` is used up.
+    vectors : ``of_exposures`` and ``of_points`` are used up.
     """
     normals = factorization.normals
-    of_exposures, of_border = vectors.of_exposures.copy(), vectors.of_border.copy()
-    count = of_border.shape[1]
-    products = np.zeros((count, count))
+    of_exposures, of_border = vectors.of_exposures, vectors.of_border.copy()
     numbers, at_points = vectors.numbers, vectors.of_points
+    of_eliminated = np.zeros((len(numbers), len(numbers)))
     if len(numbers):
         at_points[~system.active_point] = 0.0
         load = FullVectors(of_exposures[:, :, numbers], of_border[:, numbers], at_points)
         of_exposures[:, :, numbers], of_border[:, numbers] = _reduced(system, state, normals, load)
         elimination_kernel.substitute_forward(normals.point_factor, system.active_point, at_points)
         y = at_points.reshape(-1, len(numbers))
-        products[np.ix_(numbers, numbers)] = y.T @ y
-    exposures, border = factorization.factor.forward(of_exposures, of_border)
-    products += exposures.reshape(-1, count).T @ exposures.reshape(-1, count) + border.T @ border
-    return products, factorization.factor.border_of(border)
+        of_eliminated = y.T @ y
+    products, border = factorization.factor.products(of_exposures, of_border)
+    products[np.ix_(numbers, numbers)] += of_eliminated
+    return products, border
 
 
 def solve_full(

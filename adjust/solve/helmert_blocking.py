@@ -71,13 +71,35 @@ class HelmertFactor:
         of_exposures *= _over(self.scale_exposure, many)
         return of_exposures, _over(self.scale_border, many) * x[len(x) - g :]
 
-    def forward(self, rhs: Floats, rhs_border: Floats) -> tuple[Floats, Floats]:
-        """Half a solution: y = L⁻¹ D b (n, 6, …), in the order of elimination, and (g, …).
+    def products(self, rhs: Floats, rhs_border: Floats) -> tuple[Floats, Floats]:
+        """Products bᵀ S⁻¹ b (k, k) of right-hand sides, and the border (g, k) of their solutions.
 
-        Right-hand sides as of ``solve``. Products of two y are those of the solutions: y₁ᵀ y₂ = b₁ᵀ S⁻¹ b₂.
+        With y = L⁻¹ D b they are yᵀ y. The rows of y that a front eliminates are summed and forgotten, with
+        the columns alone that reach it.
+
+        Parameters
+        ----------
+        rhs, rhs_border : (n, 6, k) and (g, k); the first is used up.
         """
-        y, exposures = self._forward(rhs, rhs_border), 6 * len(rhs)
-        return y[:exposures].reshape(rhs.shape), y[exposures:]
+        count, axes = rhs.shape[2], np.arange(6)
+        rhs *= self.scale_exposure[:, :, None]
+        of_border = self.scale_border[:, None] * rhs_border
+        found = np.zeros((count, count))
+        for front, factor in zip(self.analysis.fronts[:-1], self.factors[:-1], strict=True):
+            own, rest = front.images[: front.own], front.images[front.own :]
+            used = np.flatnonzero(rhs[own].any(axis=(0, 1)))
+            y = rhs[np.ix_(own, axes, used)].reshape(6 * len(own), len(used))
+            dense_algebra.solve_lower(factor.lower, y)
+            found[np.ix_(used, used)] += y.T @ y
+            moved = factor.below @ y
+            images = 6 * len(rest)
+            rhs[np.ix_(rest, axes, used)] -= moved[:images].reshape(len(rest), 6, len(used))
+            of_border[:, used] -= moved[images:]
+        own = self.analysis.fronts[-1].images
+        y = np.concatenate([rhs[own].reshape(6 * len(own), count), of_border])
+        dense_algebra.solve_lower(self.factors[-1].lower, y)
+        border = np.linalg.solve(self._last.T, y[6 * len(own) :])
+        return found + y.T @ y, np.asarray(self.scale_border[:, None] * border)
 
     def _forward(self, rhs: Floats, rhs_border: Floats) -> Floats:
         """Half a solution (6 n + g, …) in the order of elimination, own unknowns of a front together."""
@@ -94,10 +116,6 @@ class HelmertFactor:
             dense_algebra.solve_lower(factor.lower, mine)
             x[rest, used] -= factor.below @ mine
         return x
-
-    def border_of(self, forward: Floats) -> Floats:
-        """The system parameters (g, k) of a solution, which come last, from those (g, k) of ``forward``."""
-        return np.asarray(self.scale_border[:, None] * np.linalg.solve(self._last.T, forward))
 
     @property
     def _last(self) -> Floats:

@@ -63,11 +63,11 @@ def check(
         np.concatenate([exposures.ravel(), parameters]), expected, rtol=1e-10, atol=1e-13
     )
     many = np.random.default_rng(3).normal(size=(6 * n + border, 4))
-    halfway = factor.forward(many[: 6 * n].reshape(n, 6, 4), many[6 * n :])
-    flat = np.concatenate([halfway[0].reshape(-1, 4), halfway[1]])
+    many[: 6 * n // 2, 1] = 0.0  # does not reach every front
     solved = np.linalg.solve(matrix, many)
-    np.testing.assert_allclose(flat.T @ flat, many.T @ solved, rtol=1e-10, atol=1e-13)
-    np.testing.assert_allclose(factor.border_of(halfway[1]), solved[6 * n :], rtol=1e-9, atol=1e-12)
+    products, of_border = factor.products(many[: 6 * n].reshape(n, 6, 4).copy(), many[6 * n :])
+    np.testing.assert_allclose(products, many.T @ solved, rtol=1e-10, atol=1e-13)
+    np.testing.assert_allclose(of_border, solved[6 * n :], rtol=1e-9, atol=1e-12)
     inverse = np.linalg.inv(matrix)
     for wanted in (None, pattern_of(np.ones((n, n), dtype=bool))):
         found, found_border, found_corner = factor.inverse(wanted)
