@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.arrays import Bools, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.data_snooping import Search, snoop, without_rejected
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
+from adjust.observations.image_point import ImagePoints
 from adjust.one_thread import one_thread
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
@@ -207,7 +208,7 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
         GroupResult(
             group,
             item.residual,
-            group.stochastic.sigma,
+            _used(group)[1],
             item.redundancy,
             item.standardized,
             item.detectable,
@@ -293,10 +294,18 @@ def _control_checks(
 
 def _status(left: ObservationGroup, rejected: Bools, residuals: GroupResiduals) -> Ints:
     """Status (n, m) of every component after the last pass."""
-    is_left: Bools = left.stochastic.present
-    given: Bools = np.isfinite(left.stochastic.sigma)
-    status = np.full(is_left.shape, int(ObservationStatus.NOT_USED), dtype=np.int64)
-    status[is_left] = ObservationStatus.USED
-    status[is_left & (np.nan_to_num(residuals.control) < UNCONTROLLED)] = ObservationStatus.UNCONTROLLED
-    status[given & rejected[:, None]] = ObservationStatus.REJECTED
+    is_left, sigma = _used(left)
+    status = np.where(is_left, int(ObservationStatus.USED), int(ObservationStatus.NOT_USED))
+    status[is_left & ~(residuals.control >= UNCONTROLLED)] = ObservationStatus.UNCONTROLLED
+    status[np.isfinite(sigma) & rejected[:, None]] = ObservationStatus.REJECTED
     return status
+
+
+def _used(group: ObservationGroup) -> tuple[Bools, Floats]:
+    """Which components (n, m) of a group are used, and their standard deviations.
+
+    Of image points without the matrices of the general form, which take longer than their residuals.
+    """
+    if isinstance(group, ImagePoints):
+        return np.broadcast_to(group.active[:, None], group.sigma.shape), group.sigma
+    return group.stochastic.present, group.stochastic.sigma

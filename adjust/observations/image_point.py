@@ -128,7 +128,9 @@ class ImagePoints:
     @cached_property
     def inverse_sigma(self) -> Floats:
         """(n, 2) 1/σ, zero for rejected observations."""
-        return np.where(self.active[:, None], 1.0 / self.sigma, 0.0)
+        inverse = 1.0 / self.sigma
+        inverse[~self.active] = 0.0
+        return inverse
 
     @cached_property
     def stochastic(self) -> StochasticModel:
@@ -291,17 +293,20 @@ class ImagePoints:
         pairs = np.unique(np.stack([self.point[chosen], self.event[chosen]]), axis=1)
         return np.bincount(pairs[0], minlength=points).astype(np.float64)
 
-    def misclosure(self, state: State) -> Floats:
-        """Observed − computed (n, 2), metres; NaN where the object point lies behind the camera."""
+    def misclosure(self, state: State, first: int = 0, last: int | None = None) -> Floats:
+        """Observed − computed (r, 2) of the image points first … last − 1, metres.
+
+        NaN where the object point lies behind the camera.
+        """
         result: Floats = image_point_kernel.misclosures(
-            self.image,
-            self.point,
+            self.image[first:last],
+            self.point[first:last],
             self.camera_of_image,
             state.pictures.projection_centre,
             state.pictures.local_from_camera,
             state.object_point,
             state.system[INTERIOR_ORIENTATION],
-            self.ideal(state, np.zeros(0, dtype=np.int64), with_slope=False).xy,
+            self.ideal(state, np.zeros(0, dtype=np.int64), False, first, last).xy,
         )
         return result
 
@@ -319,8 +324,9 @@ class ImagePoints:
         )
 
     def without(self, rejected: Bools) -> Self:
-        """The same group with the image points (n,) that are rejected taken out."""
-        return replace(self, active=self.active & ~rejected)
+        """The same group with the image points (n,) that are rejected taken out; itself if none is."""
+        left = self.active & ~rejected
+        return self if np.array_equal(left, self.active) else replace(self, active=left)
 
     def rescaled(self, factor: Floats) -> Self:
         """The same group with its standard deviations multiplied by factors that broadcast to (n, 2)."""

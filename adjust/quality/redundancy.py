@@ -20,12 +20,12 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.observations.base import ObservationGroup
-from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.detectability import NON_CENTRALITY
 from adjust.quality.residual_kernel import statistics_of_rays
 from adjust.quality.single_error import SingleErrors, single_errors
+from adjust.solve.lanes import Lane, in_order, lanes
 from adjust.solve.system import System
 
 
@@ -57,11 +57,7 @@ _NO_REDUNDANCY = 1e-6
 
 def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
     """Residuals and redundancy numbers of all groups, in the order of ``observations.groups``."""
-    rays = system.observations.image_points
-    added = None
-    if cofactor.considered is not None:
-        added = np.diagonal(cofactor.considered.covariance_of_rays(rays, state), axis1=1, axis2=2)
-    results = [_residuals_of_rays(rays, -rays.misclosure(state), cofactor.hat_of_rays, added)]
+    results = [_residuals_of_rays(system, state, cofactor)]
     for group in system.observations.others:
         equations = group.linearize(state)
         found = single_errors(group, equations, system.layout, cofactor)
@@ -69,29 +65,32 @@ def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[G
     return tuple(results)
 
 
-def _residuals_of_rays(
-    rays: ImagePoints, residual: Floats, hat: Floats, added: Floats | None
-) -> GroupResiduals:
-    """The same as :func:`_residuals` for image points: uncorrelated components need no matrices.
+def _residuals_of_rays(system: System, state: State, cofactor: Cofactor) -> GroupResiduals:
+    """The same as :func:`_residuals` for image points: uncorrelated components need no matrices."""
+    rays, hat, added = system.observations.image_points, cofactor.hat_of_rays, None
+    if cofactor.considered is not None:
+        of_considered = cofactor.considered.covariance_of_rays(rays, state)
+        added = np.ascontiguousarray(np.diagonal(of_considered, axis1=1, axis2=2))
+    residual, redundancy, standardized, detectable = (np.empty((len(rays.image), 2)) for _ in range(4))
 
-    Parameters
-    ----------
-    hat : (n, 3) elements xx, xy, yy of the hat matrices.
-    added : (n, 2) variances by errors of considered parameters, in units of σ²; None without any.
-    """
-    redundancy, standardized, detectable = (np.empty_like(residual) for _ in range(3))
-    squares = statistics_of_rays(
-        residual,
-        hat,
-        rays.sigma,
-        rays.active,
-        None if added is None else np.ascontiguousarray(added),
-        _NO_REDUNDANCY,
-        redundancy,
-        standardized,
-        detectable,
-        NON_CENTRALITY,
-    )
+    def work(lane: Lane) -> float:
+        first, last = (int(system.point_start[index]) for index in lane)
+        np.negative(rays.misclosure(state, first, last), out=residual[first:last])
+        squares: float = statistics_of_rays(
+            residual[first:last],
+            hat[first:last],
+            rays.sigma[first:last],
+            rays.active[first:last],
+            None if added is None else added[first:last],
+            _NO_REDUNDANCY,
+            redundancy[first:last],
+            standardized[first:last],
+            detectable[first:last],
+            NON_CENTRALITY,
+        )
+        return squares
+
+    squares = sum(in_order(work, lanes(system.point_start), system.threads))
     return GroupResiduals(residual, redundancy, redundancy, standardized, detectable, squares)
 
 

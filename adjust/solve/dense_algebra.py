@@ -87,14 +87,21 @@ def factorize_columns(columns: Floats) -> bool:
     return True
 
 
-def subtract_square(rest: Floats, below: Floats) -> None:
-    """F22 −= M Mᵀ in the lower triangle, in place; rest (q, q), below (q, p)."""
+def subtract_square(rest: Floats, below: Floats, fresh: bool = False) -> None:
+    """F22 −= M Mᵀ in the lower triangle, in place; rest (q, q), below (q, p).
+
+    Parameters
+    ----------
+    fresh : F22 counts as zero, whatever stands there.
+    """
     q, p = below.shape
     if p and q:
         _DSYRK(
             _LOWER, _PLAIN, byref(c_int(q)), byref(c_int(p)), _MINUS_ONE, below.ctypes.data, _step(below),
-            _ONE, rest.ctypes.data, _step(rest),
+            _ZERO if fresh else _ONE, rest.ctypes.data, _step(rest),
         )  # fmt: skip
+    elif fresh:
+        rest[:] = 0.0
 
 
 def times_inverse(below: Floats, lower: Floats) -> Floats:

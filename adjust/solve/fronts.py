@@ -6,7 +6,7 @@ Symbolic analysis only; `helmert_blocking` does the arithmetic.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,9 @@ import numpy as np
 from adjust.arrays import Bools, Floats, Ints
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.dissection import LARGEST_PART, Dissection, dissect
+
+# A thread takes subtrees with at most this part of the operations at a time.
+_PORTION = 1.0 / 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,19 +71,42 @@ class HelmertBlocking:
 
     pattern: Covisibility
     fronts: tuple[Front, ...]
+    _rows: dict[int, list[tuple[slice, Ints]]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, pattern: Covisibility, position: Floats, largest_part: int = LARGEST_PART) -> HelmertBlocking:
         """Analyse a pattern; positions (n, 3) and the largest part only steer the cuts."""
         return cls(pattern, _fronts(pattern, dissect(pattern, position, largest_part)))
 
-    def levels(self) -> list[list[int]]:
-        """Indices of the fronts by height, the parts without children first."""
-        top = max(front.height for front in self.fronts)
-        levels: list[list[int]] = [[] for _ in range(top + 1)]
+    @cached_property
+    def steps(self) -> tuple[tuple[range, ...], ...]:
+        """Ranges of fronts, step by step; those of one step can be worked on at once.
+
+        First whole subtrees, none of them with more than a small part of the operations, the largest first:
+        one thread goes through each of them depth first, with little memory. Above them front by front,
+        those of one height at once.
+        """
+        operations, first = self._operations, np.arange(len(self.fronts))
         for index, front in enumerate(self.fronts):
-            levels[front.height].append(index)
-        return levels
+            if front.parent >= 0:
+                operations[front.parent] += operations[index]
+                first[front.parent] = min(first[front.parent], first[index])
+        small = operations <= _PORTION * operations[-1]
+        subtrees, above = list[int](), dict[int, list[range]]()
+        for index, front in enumerate(self.fronts):
+            if not small[index]:
+                above.setdefault(front.height, []).append(range(index, index + 1))
+            elif front.parent < 0 or not small[front.parent]:
+                subtrees.append(index)
+        subtrees.sort(key=lambda index: -operations[index])
+        portions = tuple(range(first[index], index + 1) for index in subtrees)
+        return (portions, *(tuple(above[height]) for height in sorted(above)))
+
+    @property
+    def _operations(self) -> Floats:
+        """How many operations the elimination of each front takes, but for a factor."""
+        p, q = (np.array([float(getattr(front, name)) for front in self.fronts]) for name in ("own", "rest"))
+        return np.asarray(p * (p * p / 3.0 + p * q + q * q))
 
     def placed(self, pattern: Covisibility) -> tuple[list[HeldBlocks], Ints]:
         """Where the blocks of another pattern are in every front, and the blocks (k,) that no front holds."""
@@ -111,11 +137,25 @@ class HelmertBlocking:
         """(n,) the front in which each exposure is eliminated."""
         return np.repeat(np.arange(len(self.fronts)), [front.own for front in self.fronts])[self.rank]
 
-    def rows(self, size: int, border: int) -> list[tuple[slice, Ints]]:
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """The fronts whose parent each front is, ascending."""
+        found: list[list[int]] = [[] for _ in self.fronts]
+        for index, front in enumerate(self.fronts):
+            if front.parent >= 0:
+                found[front.parent].append(index)
+        return tuple(map(tuple, found))
+
+    def rows(self, border: int) -> list[tuple[slice, Ints]]:
         """Rows of the own and of the other unknowns of each front in a vector in the order of elimination.
 
         The system parameters come last; they are the root's own.
         """
+        if border not in self._rows:
+            self._rows[border] = self._find_rows(6 * self.pattern.events + border, border)
+        return self._rows[border]
+
+    def _find_rows(self, size: int, border: int) -> list[tuple[slice, Ints]]:
         found, first = list[tuple[slice, Ints]](), 0
         for front in self.fronts:
             last = first + 6 * front.own

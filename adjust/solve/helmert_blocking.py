@@ -62,7 +62,7 @@ class HelmertFactor:
         Or (n, 6, k) and (g, k), many together, in a fraction of the time.
         """
         x, many, g = self._forward(rhs, rhs_border), rhs.shape[2:], len(rhs_border)
-        parts = self.analysis.rows(len(x), g)
+        parts = self.analysis.rows(g)
         for (own, rest), factor in zip(parts[::-1], self.factors[::-1], strict=True):
             mine = x[own]
             mine -= factor.below.T @ x[rest]
@@ -109,7 +109,7 @@ class HelmertFactor:
         np.take(rhs, order, axis=0, out=of_exposures)
         of_exposures *= _over(self.scale_exposure[order], many)
         x[len(x) - g :] = _over(self.scale_border, many) * rhs_border
-        parts = self.analysis.rows(len(x), g)
+        parts = self.analysis.rows(g)
         for (own, rest), factor in zip(parts, self.factors, strict=True):
             used = _columns_in_use(x[own])
             mine = x[own, used]
@@ -146,11 +146,10 @@ class HelmertFactor:
         corner = np.empty((g, g))
         inverses: dict[int, Floats] = {}
 
-        def work(index: int) -> None:
+        def invert(index: int) -> Floats:
             front, factor = analysis.fronts[index], self.factors[index]
             known = None if front.parent < 0 else inverses[front.parent]
             z = _front_inverse(front, factor, known, g)
-            inverses[index] = z
             at = held[index]
             front_kernel.disassemble(
                 z.T, at.blocks, at.lower, at.upper, at.transposed, front.images, scale, blocks
@@ -162,11 +161,19 @@ class HelmertFactor:
             if front.parent < 0:
                 half = np.tril(z[size:, size:])
                 corner[:] = of_border[:, None] * (half + np.tril(half, -1).T) * of_border
+            return z
 
-        for level in reversed(analysis.levels()):
-            in_any_order(work, level, self.threads)
-            # A parent's inverse is needed until its last child is done; children are one level below or more.
-            _forget(inverses, analysis.fronts, level)
+        def work(portion: range) -> None:
+            for index in reversed(portion):
+                z, parent = invert(index), analysis.fronts[index].parent
+                if analysis.children[index]:
+                    inverses[index] = z
+                # The first child is the last one that needs it.
+                if parent in portion and analysis.children[parent][0] == index:
+                    del inverses[parent]
+
+        for step in reversed(analysis.steps):
+            in_any_order(work, step, self.threads)
         return blocks, border, corner
 
 
@@ -181,14 +188,6 @@ def _columns_in_use(rows: Floats) -> slice | EllipsisType:
         return ...
     used = np.flatnonzero(rows.any(axis=0))
     return slice(used[0], used[-1] + 1) if len(used) else slice(0)
-
-
-def _forget(inverses: dict[int, Floats], fronts: tuple[Front, ...], done: list[int]) -> None:
-    """Drop the inverses of fronts all of whose children are done."""
-    height = fronts[done[0]].height
-    needed = {front.parent for front in fronts if front.height < height}
-    for index in [index for index in inverses if index not in needed]:
-        del inverses[index]
 
 
 def _front_inverse(front: Front, factor: FactoredFront, known: Floats | None, border: int) -> Floats:
@@ -225,19 +224,17 @@ def factorize_blocks(
         before anything else; best such that the diagonal becomes 1.
     """
     g = corner.shape[0]
-    fronts = analysis.fronts
+    fronts, children = analysis.fronts, analysis.children
     left: dict[int, Floats] = {}
     factors: list[FactoredFront | None] = [None] * len(fronts)
-    children: list[list[int]] = [[] for _ in fronts]
-    for index, front in enumerate(fronts):
-        if front.parent >= 0:
-            children[front.parent].append(index)
+    memory = _columns(fronts, g)
 
-    def work(index: int) -> None:
-        front, held = fronts[index], fronts[index].held
-        size = 6 * (front.own + front.rest) + g
-        p = 6 * front.own + (g if front.parent < 0 else 0)
-        columns, rest = np.zeros((size, p), order="F"), np.zeros((size - p, size - p), order="F")
+    def eliminate(index: int) -> None:
+        front, held, columns = fronts[index], fronts[index].held, memory[index]
+        size, p = columns.shape
+        columns.fill(0.0)
+        # Without children nothing is there yet, and nothing has to be set to zero.
+        rest = (np.zeros if children[index] else np.empty)((size - p, size - p), order="F")
         front_kernel.assemble(
             columns.T, blocks, held.blocks, held.lower, held.upper, held.transposed, front.images,
             scale_exposure,
@@ -252,12 +249,31 @@ def factorize_blocks(
             front_kernel.extend(columns.T, rest.T, left.pop(child).T, at)
         if dense_algebra.factorize_columns(columns):
             below = columns[p:]
-            dense_algebra.subtract_square(rest, below)
+            dense_algebra.subtract_square(rest, below, fresh=not children[index])
             factors[index], left[index] = FactoredFront(columns[:p], below), rest
 
-    for level in analysis.levels():
-        in_any_order(work, level, threads)
-        if any(factors[index] is None for index in level):
+    def work(portion: range) -> None:
+        for index in portion:
+            eliminate(index)
+            if factors[index] is None:
+                return
+
+    for step in analysis.steps:
+        in_any_order(work, step, threads)
+        if any(factors[portion[-1]] is None for portion in step):
             return None
     found = tuple(item for item in factors if item is not None)
     return HelmertFactor(analysis, found, scale_exposure, scale_border, threads)
+
+
+def _columns(fronts: tuple[Front, ...], border: int) -> list[Floats]:
+    """Memory for the first columns (p + q, p) of every front.
+
+    Of the calling thread: what it has given back it gets again, whereas threads that come and go get memory
+    from the system, page by page and the more slowly the more of them there are.
+    """
+    found = []
+    for front in fronts:
+        p = 6 * front.own + (border if front.parent < 0 else 0)
+        found.append(np.empty((6 * (front.own + front.rest) + border, p), order="F"))
+    return found

@@ -19,7 +19,7 @@ from adjust.solve import reduction_kernel
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.fronts import HelmertBlocking
 from adjust.solve.joined_points import Couplings, Joins
-from adjust.solve.lanes import Lane, in_any_order, lanes
+from adjust.solve.lanes import Lane, in_any_order, in_order, lanes
 from adjust.solve.reduction import Sums, reduce_image_points
 from adjust.solve.system import System
 from adjust.solve.whitening import add_border_columns, whiten
@@ -174,8 +174,14 @@ def gathered(
 def weighted_squares(system: System, state: State) -> float:
     """vᵀPv at a state; NaN if an object point lies behind a camera that sees it."""
     rays = system.observations.image_points
-    whitened = rays.misclosure(state) * rays.inverse_sigma
-    squares = float(np.sum(np.where(rays.active[:, None], whitened, 0.0) ** 2))
+
+    def work(lane: Lane) -> float:
+        first, last = (int(system.point_start[index]) for index in lane)
+        whitened = rays.misclosure(state, first, last) * rays.inverse_sigma[first:last]
+        whitened[~rays.active[first:last]] = 0.0
+        return float(np.sum(whitened**2))
+
+    squares = sum(in_order(work, lanes(system.point_start), system.threads))
     for group in system.observations.others:
         squares += float(np.sum(whiten(group, group.linearize(state)).misclosure ** 2))
     return squares

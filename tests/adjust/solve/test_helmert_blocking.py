@@ -137,6 +137,24 @@ def test_every_exposure_is_eliminated_once_and_parts_do_not_know_each_other() ->
         assert first == last, "two parts of which neither is above the other share a pair"
 
 
+def test_fronts_of_one_step_do_not_need_each_other_and_follow_their_children() -> None:
+    pattern, position = flight(12, 30, 2)
+    analysis = HelmertBlocking.of(pattern, position, 8)
+    done: set[int] = set()
+    for step in analysis.steps:
+        for portion in step:
+            for index in portion:
+                assert all(
+                    child in done or child in portion[: index - portion[0]]
+                    for child in analysis.children[index]
+                )
+        done.update(index for portion in step for index in portion)
+    assert sorted(index for step in analysis.steps for portion in step for index in portion) == list(
+        range(len(analysis.fronts))
+    )
+    assert len(analysis.steps[0]) > 4
+
+
 def test_separators_of_a_regular_flight_are_about_as_wide_as_its_reach() -> None:
     pattern, position = flight(30, 60, 2)
     top = dissect(pattern, position).parts[-1]
