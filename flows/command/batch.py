@@ -20,17 +20,15 @@ def batch(
             metavar="PROJECT.toml ...", help="Project files, or folders with one project file each."
         ),
     ],
-    story: Annotated[Stories, typer.Option("--story", help="Flow to run.")] = "aerial-triangulation",
+    story: Annotated[Stories, typer.Option(help="Flow to run.")] = "aerial-triangulation",
     output: Annotated[
-        str,
-        typer.Option("--output", metavar="NAME", help="Name of the output folder next to each project file."),
+        str, typer.Option(metavar="NAME", help="Name of the output folder next to each project file.")
     ] = "results",
     overrides: Overrides = None,
     data: Data = None,
     workers: Annotated[
         int | None,
         typer.Option(
-            "--workers",
             metavar="N",
             min=1,
             help="Projects processed at the same time on this machine.",

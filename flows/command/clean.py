@@ -18,11 +18,7 @@ def clean(
     older_than: Annotated[
         int,
         typer.Option(
-            "--older-than",
-            metavar="DAYS",
-            help="Remove only what has not been used for this long.",
-            min=0,
-            max=36_500,
+            metavar="DAYS", help="Remove only what has not been used for this long.", min=0, max=36_500
         ),
     ] = 90,
     dry_run: Annotated[

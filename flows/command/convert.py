@@ -22,18 +22,14 @@ def convert(
     ],
     to: Annotated[
         str,
-        typer.Option(
-            "--to", metavar="NAME", help="Block exchange format; [bold]aerocal export[/bold] lists them."
-        ),
+        typer.Option(metavar="NAME", help="Block exchange format; [bold]aerocal export[/bold] lists them."),
     ],
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for the files; default NAME next to INPUT."),
+        Path | None, typer.Option(metavar="DIR", help="Folder for the files; default NAME next to INPUT.")
     ] = None,
     world: Annotated[
         str | None,
         typer.Option(
-            "--world",
             metavar="KIND",
             help="As for [bold]aerocal export[/bold].",
             show_default="map coordinates if possible, otherwise local ones",
@@ -41,9 +37,7 @@ def convert(
     ] = None,
     pixel_um: Annotated[
         float | None,
-        typer.Option(
-            "--pixel-um", metavar="UM", help="Pixel size, for blocks from programs that use pixel units only."
-        ),
+        typer.Option(metavar="UM", help="Pixel size, for blocks from programs that use pixel units only."),
     ] = None,
     overrides: Overrides = None,
     data: Data = None,

@@ -15,7 +15,6 @@ def convert_distortion(
     to: Annotated[
         str,
         typer.Option(
-            "--to",
             metavar="SELECTION",
             help="Parameters to convert to, e.g. [bold]brown_mm:K1-K3,P1,P2[/bold] or "
             "[bold]brown-forward:k1-k3,p1,p2[/bold].",
@@ -23,9 +22,7 @@ def convert_distortion(
     ],
     camera: Annotated[
         str | None,
-        typer.Option(
-            "--camera", metavar="NAME", help="Camera name; not needed if only one camera has values."
-        ),
+        typer.Option(metavar="NAME", help="Camera name; not needed if only one camera has values."),
     ] = None,
     overrides: Overrides = None,
     data: Data = None,

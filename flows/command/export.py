@@ -15,16 +15,14 @@ def export(
         Path | None, typer.Argument(metavar="RESULTS", help="Results folder of a run.")
     ] = None,
     to: Annotated[
-        str | None, typer.Option("--to", metavar="FORMAT", help="Format; without it, all formats are listed.")
+        str | None, typer.Option(metavar="FORMAT", help="Format; without it, all formats are listed.")
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for the files; default RESULTS/export/FORMAT."),
+        Path | None, typer.Option(metavar="DIR", help="Folder for the files; default RESULTS/export/FORMAT.")
     ] = None,
     world: Annotated[
         str | None,
         typer.Option(
-            "--world",
             metavar="KIND",
             help="How the receiving program handles coordinates: [bold]local[/bold] (Cartesian, in "
             "our frame), [bold]map[/bold] (handles map projection and earth curvature), "
@@ -34,9 +32,9 @@ def export(
         ),
     ] = None,
     angles: Annotated[
-        str, typer.Option("--angles", metavar="ORDER", help="omega-phi-kappa or phi-omega-kappa (eo-csv).")
+        str, typer.Option(metavar="ORDER", help="omega-phi-kappa or phi-omega-kappa (eo-csv).")
     ] = "omega-phi-kappa",
-    unit: Annotated[str, typer.Option("--unit", metavar="UNIT", help="deg, gon or rad (eo-csv).")] = "deg",
+    unit: Annotated[str, typer.Option(metavar="UNIT", help="deg, gon or rad (eo-csv).")] = "deg",
     force: Annotated[
         bool,
         typer.Option(

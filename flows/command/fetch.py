@@ -14,7 +14,7 @@ def fetch(
     address: Annotated[
         str, typer.Argument(metavar="s3://BUCKET/PREFIX", help="The [bold]--out[/bold] of the run.")
     ],
-    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Folder for the results.")],
+    to: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
 ) -> None:
     """Fetch the results of a run from object storage into a folder.
 

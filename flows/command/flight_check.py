@@ -14,19 +14,16 @@ def flight_check(
     source: Annotated[
         str, typer.Argument(metavar="[PRESET|SPEC.toml]", help="Name of a preset, or a specification.")
     ] = "uce-low",
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the simulated project.")
-    ] = Path("flight-check"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the simulated project.")] = Path(
+        "flight-check"
+    ),
     overrides: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the specification. Repeatable."),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", help="Seed of all random numbers.", min=0)
-    ] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of all random numbers.", min=0)] = None,
     calibrate: Annotated[
-        bool,
-        typer.Option("--calibrate", help="Run the system calibration and its checks."),
+        bool, typer.Option("--calibrate", help="Run the system calibration and its checks.")
     ] = False,
 ) -> None:
     """Simulate a flight, adjust it (or calibrate from it), and compare every estimate with its true value.

@@ -20,9 +20,7 @@ def image_quality(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", metavar="DIR", help="Output folder.", show_default="image-quality/ next to the source"
-        ),
+        typer.Option(metavar="DIR", help="Output folder.", show_default="image-quality/ next to the source"),
     ] = None,
     overrides: Overrides = None,
     data: Data = None,

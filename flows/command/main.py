@@ -1,4 +1,4 @@
-"""The commands of ``aerocal``, one file each."""
+"""The commands of ``aerocal``."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from flows.command.adjust import adjust
 from flows.command.batch import batch
-from flows.command.calibrate import calibrate
-from flows.command.check import check
 from flows.command.clean import clean
 from flows.command.convert import convert
 from flows.command.convert_distortion import convert_distortion
@@ -24,7 +21,7 @@ from flows.command.init import init
 from flows.command.notify import notify
 from flows.command.plan import plan
 from flows.command.registry import registry
-from flows.command.run import run
+from flows.command.run import adjust, calibrate, check, run
 from flows.command.runner import runner
 from flows.command.serve import serve
 from flows.command.simulate import simulate

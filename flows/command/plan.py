@@ -21,7 +21,6 @@ def plan(
     free: Annotated[
         str | None,
         typer.Option(
-            "--free",
             metavar="NAME,NAME,…",
             help="Parameters to calibrate: focal_length, principal_point, boresight, gnss_shift, lever_arm, "
             "time_offset, gnss_drift.",
@@ -31,7 +30,6 @@ def plan(
     additional: Annotated[
         str | None,
         typer.Option(
-            "--additional",
             metavar="SELECTION",
             help="Additional parameters to calibrate, e.g. [bold]bluh:1-12[/bold]; "
             "[bold]none[/bold] for none.",
@@ -41,7 +39,6 @@ def plan(
     strip_bias: Annotated[
         float | None,
         typer.Option(
-            "--strip-bias",
             metavar="M",
             min=0.0,
             help="σ of the GNSS error common to all images of a strip, m; [bold]0[/bold]: "

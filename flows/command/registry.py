@@ -67,7 +67,6 @@ def add(
     code: Annotated[
         list[str] | None,
         typer.Option(
-            "--code",
             metavar="CODE",
             help="Verification code on the certificate, 16 digits or all of them; required for a file "
             "outside its results folder. Repeatable.",
@@ -112,9 +111,7 @@ def show(
     plot: Annotated[
         Path | None,
         typer.Option(
-            "--plot",
-            metavar="FILE.html",
-            help="Write a page with the parameters of the camera over the years.",
+            metavar="FILE.html", help="Write a page with the parameters of the camera over the years."
         ),
     ] = None,
     json: Json = False,
@@ -142,7 +139,6 @@ def approve(
     although: Annotated[
         str,
         typer.Option(
-            "--although",
             metavar="REASON",
             help="Approve a calibration although it was refused, or although the camera has changed; "
             "give the reason.",
@@ -170,7 +166,7 @@ def approve(
 def export(
     number: Number,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write to this file.", show_default="screen")
+        Path | None, typer.Option(metavar="FILE", help="Write to this file.", show_default="screen")
     ] = None,
     address: Address = None,
 ) -> None:
@@ -183,8 +179,7 @@ def export(
 @registry.command()
 def verify(
     since: Annotated[
-        str | None,
-        typer.Option("--since", metavar="DIGEST", help="A previously recorded state of the registry."),
+        str | None, typer.Option(metavar="DIGEST", help="A previously recorded state of the registry.")
     ] = None,
     json: Json = False,
     address: Address = None,
@@ -205,25 +200,18 @@ def due(
     within: Annotated[
         int,
         typer.Option(
-            "--within",
-            metavar="DAYS",
-            help="Days before the end of validity at which a calibration becomes due.",
-            min=0,
+            metavar="DAYS", help="Days before the end of validity at which a calibration becomes due.", min=0
         ),
     ] = 30,
     max_age: Annotated[
         int,
         typer.Option(
-            "--max-age",
-            metavar="DAYS",
-            help="Age in days at which a calibration becomes due; 0: no limit.",
-            min=0,
+            metavar="DAYS", help="Age in days at which a calibration becomes due; 0: no limit.", min=0
         ),
     ] = 730,
     sigma: Annotated[
         float | None,
         typer.Option(
-            "--sigma",
             metavar="T",
             help="Limit of a single parameter, in σ of its change.",
             show_default="exceeded by chance once in 1,000 cases",
@@ -233,7 +221,6 @@ def due(
     limit: Annotated[
         list[str] | None,
         typer.Option(
-            "--limit",
             metavar="NAME=NUMBER",
             help="Additional absolute limit: focal_length or principal_point in µm, boresight in °, "
             "lever_arm in mm. Repeatable.",
@@ -241,9 +228,7 @@ def due(
     ] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option(
-            "--without", metavar="CAMERA", help="Exclude a camera: its name, body or lens. Repeatable."
-        ),
+        typer.Option(metavar="CAMERA", help="Exclude a camera: its name, body or lens. Repeatable."),
     ] = None,
     json: Json = False,
     address: Address = None,

@@ -15,7 +15,6 @@ def runner(
     server: Annotated[
         str | None,
         typer.Option(
-            "--server",
             metavar="URL",
             help="Server whose runs are executed.",
             show_default="PREFECT_API_URL, otherwise this user's aerocal serve",
@@ -24,7 +23,6 @@ def runner(
     database: Annotated[
         str | None,
         typer.Option(
-            "--database",
             metavar="URL",
             help="The --database of that server; the password in PGPASSWORD.",
             show_default="that of this user's aerocal serve",
@@ -34,7 +32,6 @@ def runner(
     root: Annotated[
         list[Path] | None,
         typer.Option(
-            "--root",
             metavar="DIR",
             help="Folder that runs may read and write, including the inbox of the server. Repeatable.",
             show_default="the current folder",
@@ -43,7 +40,6 @@ def runner(
     registry: Annotated[
         str | None,
         typer.Option(
-            "--registry",
             metavar="URL",
             help="Registry of calibrations that runs use; the same as the server's.",
             show_default="AEROCAL_REGISTRY, else none",
@@ -52,19 +48,15 @@ def runner(
     results: Annotated[
         str | None,
         typer.Option(
-            "--results",
             metavar="URL",
             help="Prefix on object storage for results; the same as the server's.",
             show_default="next to each project",
         ),
     ] = None,
-    limit: Annotated[
-        int, typer.Option("--limit", metavar="N", help="Number of simultaneous runs.", min=1)
-    ] = 1,
+    limit: Annotated[int, typer.Option(metavar="N", help="Number of simultaneous runs.", min=1)] = 1,
     state: Annotated[
         Path | None,
         typer.Option(
-            "--state",
             metavar="DIR",
             help="Folder for the log and Prefect's files.",
             show_default="in this user's state folder",

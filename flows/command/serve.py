@@ -12,12 +12,11 @@ from flows.command.server_log import LogFormatOption, said_as
 
 
 def serve(
-    host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", help="Port to listen on.", min=1, max=65535)] = 4200,
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on.", min=1, max=65535)] = 4200,
     public_url: Annotated[
         str | None,
         typer.Option(
-            "--public-url",
             metavar="URL",
             help="Address at which browsers reach the dashboard, behind a proxy or from other machines.",
         ),
@@ -25,25 +24,17 @@ def serve(
     public_overview_url: Annotated[
         str | None,
         typer.Option(
-            "--public-overview-url",
             metavar="URL",
             help="The same for the production page; used for links in the dashboard and in notices.",
         ),
     ] = None,
     overview_port: Annotated[
         int | None,
-        typer.Option(
-            "--overview-port",
-            help="Port of the production page.",
-            min=1,
-            max=65535,
-            show_default="--port plus one",
-        ),
+        typer.Option(help="Port of the production page.", min=1, max=65535, show_default="--port plus one"),
     ] = None,
     database: Annotated[
         str | None,
         typer.Option(
-            "--database",
             metavar="URL",
             help="postgresql://USER@HOST/DATABASE of Prefect's own records; the password in PGPASSWORD.",
             show_default="a SQLite file in the state folder",
@@ -53,7 +44,6 @@ def serve(
     root: Annotated[
         list[Path] | None,
         typer.Option(
-            "--root",
             metavar="DIR",
             help="Folder that runs may read and write. Repeatable.",
             show_default="the current folder",
@@ -62,20 +52,16 @@ def serve(
     inbox: Annotated[
         Path | None,
         typer.Option(
-            "--inbox",
             metavar="DIR",
             help="Folder of deliveries, one folder each; a delivery starts when DELIVERED appears in it.",
         ),
     ] = None,
-    story: Annotated[
-        str, typer.Option("--story", help="Flow to run for each delivery.")
-    ] = "aerial-triangulation",
+    story: Annotated[str, typer.Option(help="Flow to run for each delivery.")] = "aerial-triangulation",
     watch: Annotated[
-        float, typer.Option("--watch", metavar="S", help="Seconds between two checks of the inbox.", min=1.0)
+        float, typer.Option(metavar="S", help="Seconds between two checks of the inbox.", min=1.0)
     ] = 20.0,
     cron: Annotated[
-        str | None,
-        typer.Option("--cron", metavar='"M H D M W"', help="Schedule of a full scan of the inbox."),
+        str | None, typer.Option(metavar='"M H D M W"', help="Schedule of a full scan of the inbox.")
     ] = None,
     only_on_schedule: Annotated[
         bool,
@@ -84,11 +70,10 @@ def serve(
             help="Start deliveries by --cron alone, e.g. at night, not as soon as they are complete.",
         ),
     ] = False,
-    timezone: Annotated[str, typer.Option("--timezone", help="Time zone of all schedules.")] = "UTC",
+    timezone: Annotated[str, typer.Option(help="Time zone of all schedules.")] = "UTC",
     registry: Annotated[
         str | None,
         typer.Option(
-            "--registry",
             metavar="URL",
             help="Registry of calibrations that runs use: a SQLite file under a --root, or "
             "postgresql://USER@HOST/DATABASE (password in PGPASSWORD).",
@@ -98,7 +83,6 @@ def serve(
     recalibration_cron: Annotated[
         str | None,
         typer.Option(
-            "--recalibration-cron",
             metavar='"M H D M W"',
             help="Schedule of checks of the registry for calibrations that are due.",
             show_default='"0 6 * * 1" with a registry',
@@ -107,7 +91,6 @@ def serve(
     keep_days: Annotated[
         int | None,
         typer.Option(
-            "--keep-days",
             metavar="N",
             help="Every night, remove stored results of stages that have not been used for N days, but never "
             "those named by a manifest (see aerocal clean).",
@@ -117,32 +100,21 @@ def serve(
         ),
     ] = None,
     history_days: Annotated[
-        int,
-        typer.Option(
-            "--history-days",
-            metavar="N",
-            help="How long the dashboard keeps finished runs.",
-            min=1,
-            max=36_500,
-        ),
+        int, typer.Option(metavar="N", help="How long the dashboard keeps finished runs.", min=1, max=36_500)
     ] = 365,
     results: Annotated[
         str | None,
         typer.Option(
-            "--results",
             metavar="s3://…",
             help="Also keep results on object storage, below this address (endpoint, region and credentials "
             "from the environment).",
             show_default="next to the projects only",
         ),
     ] = None,
-    limit: Annotated[
-        int, typer.Option("--limit", metavar="N", help="Number of simultaneous runs.", min=1)
-    ] = 1,
+    limit: Annotated[int, typer.Option(metavar="N", help="Number of simultaneous runs.", min=1)] = 1,
     notify_on: Annotated[
         str,
         typer.Option(
-            "--notify-on",
             metavar="KINDS",
             help="Notices to send: gate, failure, recalibration, success. They are sent to the addresses in "
             "AEROCAL_NOTIFY, or in the file named by AEROCAL_NOTIFY_FILE.",
@@ -151,7 +123,6 @@ def serve(
     state: Annotated[
         Path | None,
         typer.Option(
-            "--state",
             metavar="DIR",
             help="Folder for state file, logs and Prefect's files.",
             show_default="in this user's state folder",

@@ -14,7 +14,7 @@ def simulate(
     source: Annotated[
         str, typer.Argument(metavar="PRESET|SPEC.toml", help="Name of a preset, or a specification.")
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the project.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the project.")],
     overrides: Annotated[
         list[str] | None,
         typer.Option(
@@ -23,9 +23,7 @@ def simulate(
             help="Replace a value of the specification, e.g. [bold]--set noise.level=0[/bold]. Repeatable.",
         ),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", help="Seed of all random numbers.", min=0)
-    ] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of all random numbers.", min=0)] = None,
 ) -> None:
     """Simulate a block: an ordinary project, with its true values in DIR/truth.
 

@@ -16,13 +16,11 @@ def undistort(
         list[Path], typer.Argument(metavar="IMAGE...", help="TIFF, JPEG, PNG or JPEG 2000, as taken.")
     ],
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for the images; default RESULTS/undistorted."),
+        Path | None, typer.Option(metavar="DIR", help="Folder for the images; default RESULTS/undistorted.")
     ] = None,
     camera: Annotated[
         str | None,
         typer.Option(
-            "--camera",
             metavar="NAME",
             help="Camera of the images, for images that are not in the block.",
             show_default="that of each image in the block",
@@ -31,7 +29,6 @@ def undistort(
     resampling: Annotated[
         str,
         typer.Option(
-            "--resampling",
             metavar="KIND",
             help="[bold]cubic[/bold] (4 × 4 pixels), or [bold]lanczos[/bold] (6 × 6: sharper, a little "
             "slower, overshoots more at edges).",
