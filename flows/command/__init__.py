@@ -1,1 +1,1 @@
-"""The command line: a file per command or family of them; heavy libraries are imported when a command runs."""
+"""The command line: one file per command or family; heavy libraries are imported when a command runs."""
