@@ -17,7 +17,8 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import Linearization, ObservationGroup, StochasticModel
 from adjust.parameters import State, Unit
 from adjust.solve.gauss_newton import Solution
-from adjust.solve.normal_equations import reduced_normals, substitute_back
+from adjust.solve.normal_equations import substitute_back
+from adjust.solve.right_hand_side import with_right_hand_sides
 from adjust.solve.system import Observations, System
 
 
@@ -101,8 +102,10 @@ class ResidualOperator:
             for group, linearized, vector in zip(given.others, self.linearized, steps[1:], strict=True)
         )
         perturbed = replace(self.system, observations=Observations(shifted, others))
-        normals = reduced_normals(perturbed, state)
-        exposures, border = replace(self.solution.factorization, normals=normals).solve()
+        factorization = self.solution.factorization
+        normals = with_right_hand_sides(factorization.normals, perturbed, state)
+        assert normals is not None, "the solution determines every object point"
+        exposures, border = replace(factorization, normals=normals).solve()
         points = substitute_back(perturbed, state, normals, exposures, border)
         moved = self.system.layout.update(state, exposures, border, points)
         change = (self.misclosure - rays.misclosure(moved)) * rays.inverse_sigma
