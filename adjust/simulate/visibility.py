@@ -51,8 +51,8 @@ def visible_rays(images: ImageGeometry, x_in_local: Floats) -> tuple[Ints, Ints]
 def images_of_points(images: ImageGeometry, x_in_local: Floats) -> tuple[Ints, Ints]:
     """The images that see each point: where those of each point begin (m + 1,), and the images, ascending."""
     begun, point = _points_inside(images, x_in_local)
-    start, image = visibility_kernel.by_point(begun, point, len(x_in_local))
-    return start, image
+    image = np.empty_like(point)
+    return visibility_kernel.by_point(begun, point, len(x_in_local), image), image
 
 
 def _points_inside(images: ImageGeometry, x_in_local: Floats) -> tuple[Ints, Ints]:
@@ -63,7 +63,9 @@ def _points_inside(images: ImageGeometry, x_in_local: Floats) -> tuple[Ints, Int
     side = float(np.median(np.min(footprint[:, 1] - footprint[:, 0], axis=1))) / _CELLS
     cells = _Cells.of(x_in_local, max(side, 1e-6))
     low, high = cells.within(footprint)
-    begun, point = visibility_kernel.points_inside(
+    # Made here: numpy asks the system for large pages, while kernels get small ones for their arrays.
+    point = np.empty(visibility_kernel.points_near(low, high, cells.shape[0], cells.start), dtype=np.int64)
+    begun = visibility_kernel.points_inside(
         images.projection_centre,
         images.local_from_camera,
         images.interior,
@@ -73,9 +75,10 @@ def _points_inside(images: ImageGeometry, x_in_local: Floats) -> tuple[Ints, Int
         cells.shape[0],
         cells.start,
         cells.order,
-        np.ascontiguousarray(x_in_local),
+        *(np.take(x_in_local[:, k], cells.order) for k in range(3)),
+        point,
     )
-    return begun, point
+    return begun, point[: begun[-1]]
 
 
 def _footprints(images: ImageGeometry, x_in_local: Floats) -> Floats:
@@ -108,15 +111,19 @@ class _Cells:
 
     @classmethod
     def of(cls, x_in_local: Floats, side: float) -> _Cells:
-        plan = x_in_local[:, :2]
-        origin = plan.min(axis=0)
+        # Axis by axis: numpy is slow along arrays with two or three columns.
+        plan = np.ascontiguousarray(x_in_local[:, :2].T)
+        origin = np.array([axis.min() for axis in plan])
         # Points that lie far apart compared with their footprints would need more cells than there is memory.
-        side = max(side, float(np.max(plan.max(axis=0) - origin)) / _MOST_CELLS)
-        column_row = np.floor((plan - origin) / side).astype(np.int64)
-        shape = tuple(column_row.max(axis=0) + 1)
-        code = column_row[:, 1] * shape[0] + column_row[:, 0]
-        start, order = visibility_kernel.sorted_by(code, shape[0] * shape[1])
-        return cls(origin, side, (int(shape[0]), int(shape[1])), start, order)
+        side = max(
+            side, max(float(axis.max() - low) for axis, low in zip(plan, origin, strict=True)) / _MOST_CELLS
+        )
+        column, row = (
+            np.floor((axis - low) / side).astype(np.int64) for axis, low in zip(plan, origin, strict=True)
+        )
+        shape = int(column.max()) + 1, int(row.max()) + 1
+        start, order = visibility_kernel.sorted_by(row * shape[0] + column, shape[0] * shape[1])
+        return cls(origin, side, shape, start, order)
 
     def within(self, rectangle: Floats) -> tuple[Ints, Ints]:
         """First and last column and row (n, 2) of the cells that touch rectangles (n, 2, 2)."""

@@ -22,10 +22,9 @@ from adjust.trust_map.gains_kernel import (
     THERE,
     UNCONTROLLED,
     gains,
-    largest_step,
     scratch,
 )
-from adjust.trust_map.groups_kernel import leave_out, rays_of_group
+from adjust.trust_map.groups_kernel import largest_step, leave_out, rays_of_group
 from adjust.trust_map.joint_kernel import (
     add_systems_and_errors,
     gather,
@@ -151,7 +150,7 @@ def cell_accuracies(
     exposures, systems, points, knowns, normals, gain = of_rays
     f, movement, f_errors, _ = of_unknown
     of_cell, total, where, slopes, cell, _ = of_cells
-    ray, _ = places_of_rays
+    ray, _, scan = places_of_rays
     space, place, used = joint
     moved, own, bounds, crossing, both, there = products
     chosen, best, rows, found, of_pair = of_pairs
@@ -166,7 +165,7 @@ def cell_accuracies(
             m = -(-count // STEP) * STEP
             for n in range(m):
                 cell[n] = cells[at + min(n, count - 1)]
-            whole = rays_of_group(k, m, cell, first, seen, start, image, ray, there)
+            whole = rays_of_group(k, m, cell, first, seen, start, image, scan, ray, there)
             put_cells(m, cell, x_in_local, axes, where)
             derivatives(k, m, first, seen, ray, geometry, free, where, slopes, exposures, systems, points)
             put_errors(k, m, ray, of_known, knowns)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from adjust.compiled import kernel
-from adjust.trust_map.gains_kernel import DIAGONAL, ROWS_OF_CELL, THERE, gains, largest_step, scratch
-from adjust.trust_map.groups_kernel import leave_out, rays_of_group
+from adjust.trust_map.gains_kernel import DIAGONAL, ROWS_OF_CELL, THERE, gains, scratch
+from adjust.trust_map.groups_kernel import largest_step, leave_out, rays_of_group
 from adjust.trust_map.joint_kernel import gather, places
 from adjust.trust_map.lane_kernel import LANES, STEP
 from adjust.trust_map.rays_kernel import derivatives, put_cells, put_errors
@@ -43,7 +43,7 @@ def differences_in_common_images(
     exposures, systems, points, knowns, normals, gain = of_rays
     f, movement, f_errors, of_other = of_unknown
     of_cell, total, where, slopes, cell, next_cell = of_cells
-    ray, other_ray = places_of_rays
+    ray, other_ray, scan = places_of_rays
     space, place, used = joint
     there, other_cell = products[5], np.zeros(ROWS_OF_CELL * LANES)
     other_there = np.zeros_like(there)
@@ -59,8 +59,8 @@ def differences_in_common_images(
             for n in range(m):
                 cell[n] = one[pairs[at + min(n, count - 1)]]
                 next_cell[n] = other[pairs[at + min(n, count - 1)]]
-            rays_of_group(k, m, cell, first, seen, start, image, ray, there)
-            rays_of_group(k, m, next_cell, first, seen, start, image, other_ray, other_there)
+            rays_of_group(k, m, cell, first, seen, start, image, scan, ray, there)
+            rays_of_group(k, m, next_cell, first, seen, start, image, scan, other_ray, other_there)
             for n in range(LANES * k):
                 there[n] *= other_there[n]
             of_common_rays(

@@ -72,7 +72,9 @@ def scratch(most, width, errors, border):
         np.zeros(ROWS_OF_CELL * LANES), np.zeros(3 * LANES), np.zeros(12 * LANES),
         np.zeros(ROWS_OF_SLOPE * LANES), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64),
     )  # fmt: skip
-    places_of_rays = np.zeros(most * LANES, np.int64), np.zeros(most * LANES, np.int64)
+    places_of_rays = (
+        np.zeros(most * LANES, np.int64), np.zeros(most * LANES, np.int64), np.zeros(LANES, np.int64),
+    )  # fmt: skip
     joint = np.zeros(unknowns * unknowns), np.zeros((most, width), np.int64), np.zeros(border, np.int64)
     products = (
         np.zeros(6 * most * LANES), np.zeros(3 * most * LANES), np.zeros(most * most * LANES),
@@ -86,12 +88,3 @@ def scratch(most, width, errors, border):
         np.zeros(3 * LANES),
     )
     return of_rays, of_unknowns, of_cells, places_of_rays, joint, products, of_pairs
-
-
-@kernel
-def largest_step(start):
-    """The largest difference of numbers that follow each other; at least 1."""
-    most = 1
-    for j in range(start.shape[0] - 1):
-        most = max(most, start[j + 1] - start[j])
-    return most

@@ -17,6 +17,15 @@ _MOST_CELLS, _MOST_MORE = 128, 4
 _HEAD, _BITS = 3, 21
 
 
+@kernel
+def largest_step(start):
+    """The largest difference of numbers that follow each other; at least 1."""
+    most = 1
+    for j in range(start.shape[0] - 1):
+        most = max(most, start[j + 1] - start[j])
+    return most
+
+
 @small_kernel
 def same_images(first, last, other_first, other_last, image):
     """Whether the rays of two cells are in the same images."""
@@ -158,20 +167,24 @@ def common_images(start, image, one, other):
 
 
 @kernel
-def rays_of_group(k, m, cell, first, seen, start, image, ray, there):
+def rays_of_group(k, m, cell, first, seen, start, image, at, ray, there):
     """Rays of m cells in the k images of their group, seen[first] and those behind it.
 
     Fills ray with their places, and there with 1, or 0 where a cell does not see an image. Returns whether
-    all cells see all images.
+    all cells see k images. at (LANES,) is scratch.
     """
     whole = True
     for n in range(m):
-        b, last = start[cell[n]], start[cell[n] + 1]
-        whole = whole and last - b == k
-        for a in range(k):
-            while b < last and image[b] < seen[first + a]:
+        at[n] = start[cell[n]]
+        whole = whole and start[cell[n] + 1] - at[n] == k
+    for a in range(k):
+        wanted = seen[first + a]
+        for n in range(m):
+            b, last = at[n], start[cell[n] + 1]
+            while b < last and image[b] < wanted:
                 b += 1
-            found = b < last and image[b] == seen[first + a]
+            found = b < last and image[b] == wanted
+            at[n] = b + 1 if found else b
             ray[a * LANES + n] = b if found else start[cell[n]]
             there[a * LANES + n] = 1.0 if found else 0.0
     return whole
@@ -181,7 +194,10 @@ def rays_of_group(k, m, cell, first, seen, start, image, ray, there):
 def clear_where_not(k, m, there, rows, values):
     """Zeros in so many rows of each ray of m cells that is not there."""
     for a in range(k):
-        for j in range(rows):
+        seeing = 0.0
+        for n in range(m):
+            seeing += there[np.uintp(a * LANES + n)]
+        for j in range(rows if seeing < m else 0):
             own = (rows * a + j) * LANES
             for n in range(m):
                 value = values[np.uintp(own + n)]

@@ -4,33 +4,42 @@ import numpy as np
 
 from adjust.compiled import kernel, small_kernel
 from adjust.solve.covisibility_kernel import find_block
-from adjust.trust_map.groups_kernel import same_images
+from adjust.trust_map.groups_kernel import largest_step, same_images
 from adjust.trust_map.joint_kernel import products_of_six, six_of, times_block
 from adjust.trust_map.lane_kernel import LANES, set_six_rows, six_rows
+
+# Pairs that have been looked at are remembered by their keys modulo this number.
+_RECENT = 1 << 14
 
 
 @kernel
 def missing_pairs(start, image, row_start, column, images):
-    """Keys row · images + column of pairs of images that see a cell and have no block; with repetitions.
+    """Keys row · images + column of pairs of images that see a cell and have no block; with few repetitions.
 
-    A cell with the images of the one before is not looked at.
+    Only pairs that do not see the cell before, too, are looked at.
     """
-    found = np.empty(0, np.int64)
-    for fill in range(2):
-        count = 0
-        for j in range(start.shape[0] - 1):
-            first, last = start[j], start[j + 1]
-            if j > 0 and same_images(first, last, start[j - 1], first, image):
-                continue
-            for a in range(first, last):
-                for b in range(a + 1, last):
-                    if find_block(row_start, column, image[a], image[b]) < 0:
-                        if fill == 1:
-                            found[count] = image[a] * images + image[b]
-                        count += 1
-        if fill == 0:
-            found = np.empty(count, np.int64)
-    return found
+    found, count, most = np.empty(1024, np.int64), 0, largest_step(start)
+    recent, new = np.full(_RECENT, -1, np.int64), np.zeros(most, np.bool_)
+    for j in range(start.shape[0] - 1):
+        first, last, before = start[j], start[j + 1], start[max(j - 1, 0)]
+        if j > 0 and same_images(first, last, before, first, image):
+            continue
+        for a in range(first, last):
+            while before < first and image[before] < image[a]:
+                before += 1
+            new[a - first] = before == first or image[before] != image[a]
+        for a in range(first, last):
+            for b in range(a + 1, last):
+                key = image[a] * images + image[b]
+                if not (new[a - first] or new[b - first]) or recent[key % _RECENT] == key:
+                    continue
+                recent[key % _RECENT] = key
+                if find_block(row_start, column, image[a], image[b]) < 0:
+                    if count == found.shape[0]:
+                        found = np.concatenate((found, np.empty_like(found)))
+                    found[count] = key
+                    count += 1
+    return found[:count]
 
 
 @kernel
