@@ -158,6 +158,14 @@ class StochasticModel:
         """Order of the observations that are used in each strip; None without correlation over time."""
         return None if self.over_time is None else self.over_time.neighbours(self.taking_part)
 
+    @cached_property
+    def diagonal(self) -> Floats | None:
+        """(n, m) that of W where the components of no observation are correlated; None otherwise."""
+        m = self.whitener.shape[1]
+        if self.whitener[:, ~np.eye(m, dtype=bool)].any():
+            return None
+        return np.ascontiguousarray(np.diagonal(self.whitener, axis1=1, axis2=2))
+
     @property
     def taking_part(self) -> Bools:
         """(n,) whether any component of an observation is used."""
@@ -165,6 +173,8 @@ class StochasticModel:
 
     def standardized(self, vectors: Floats) -> Floats:
         """W e (n, m) of each observation by itself."""
+        if self.diagonal is not None:
+            return self.diagonal * vectors
         return np.asarray(np.einsum("nij,nj->ni", self.whitener, vectors))
 
     def whitened(self, vectors: Floats) -> Floats:

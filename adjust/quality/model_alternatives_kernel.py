@@ -1,5 +1,7 @@
 """Sums of products of derivatives and columns of alternatives, compiled."""
 
+import numpy as np
+
 from adjust.compiled import kernel
 
 
@@ -11,11 +13,17 @@ def add_products(index, jacobian, columns, numbers, result):
     (count, d, ·), which is changed.
     """
     n, m, d = jacobian.shape
+    k = columns.shape[0]
+    # Unsigned: a number that might be negative would be looked at for every product.
+    place, mine = numbers.astype(np.uintp), np.empty((m, k))
     for i in range(n):
-        touched = index[i]
         for c in range(m):
-            for j in range(d):
+            for t in range(k):
+                mine[c, t] = columns[t, i, c]
+        for j in range(d):
+            sums = result[index[i], j]
+            for c in range(m):
                 derivative = jacobian[i, c, j]
                 if derivative != 0.0:
-                    for t in range(columns.shape[0]):
-                        result[touched, j, numbers[t]] += derivative * columns[t, i, c]
+                    for t in range(k):
+                        sums[place[t]] += derivative * mine[c, t]

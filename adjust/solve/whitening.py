@@ -19,8 +19,15 @@ def whiten(group: ObservationGroup, equations: Linearization) -> Linearization:
 
 def standardize(group: ObservationGroup, equations: Linearization) -> Linearization:
     """The same observation equations with every row multiplied by the W of its observation by itself."""
-    whitener = group.stochastic.whitener
-    terms = tuple(type(term)(term.block, term.index, whitener @ term.jacobian) for term in equations.terms)
+    whitener, diagonal = group.stochastic.whitener, group.stochastic.diagonal
+    terms = tuple(
+        type(term)(
+            term.block,
+            term.index,
+            whitener @ term.jacobian if diagonal is None else diagonal[:, :, None] * term.jacobian,
+        )
+        for term in equations.terms
+    )
     return Linearization(group.stochastic.standardized(equations.misclosure), terms)
 
 

@@ -59,11 +59,12 @@ def image_errors(
     @lru_cache(maxsize=1)
     def basis(first: int, last: int) -> Floats:
         own = rays.camera_of_image[rays.image[first:last]] == camera
-        change = np.zeros((last - first, 2, len(errors.names)))
-        change[own] = -errors.basis(rays.xy[first:last][own] - principal_point)
+        # Column after column, as they are used one by one.
+        change = np.zeros((len(errors.names), last - first, 2))
+        change[:, own] = np.moveaxis(-errors.basis(rays.xy[first:last][own] - principal_point), 2, 0)
         return change
 
     def of_parameter(k: int) -> Callable[[slice], Floats]:
-        return lambda rows: basis(rows.start, rows.stop)[:, :, k]
+        return lambda rows: basis(rows.start, rows.stop)[k]
 
     return [of_parameter(k) for k in range(len(errors.names))]
