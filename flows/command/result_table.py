@@ -9,13 +9,40 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from flows.command.calibration_table import calibration_table
+from flows.command.calibration_table import calibration_table, parameters_beside_limits, written
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.screen_table import facts_table, figure, screen_table
-from flows.command.two_step_table import two_step_table
 from flows.runs.project_run import RunOutcome
+from tasks.quantities import shown
+from tasks.results.calibration_figures import TwoStepVerdictFigure
 from tasks.results.figures import figures_of
 from tasks.results.summary import Summary
+
+_STYLES = {"determined": "green", "weak": "yellow", "not_determinable": "bold red", "not_called_for": "dim"}
+_VERDICTS = {
+    "accepted": ("accepted", "green"),
+    "restricted": ("accepted with restrictions", "yellow"),
+    "refused": ("refused", "red"),
+}
+
+
+def two_step_table(found: TwoStepVerdictFigure) -> RenderableType:
+    """Verdict, and the parameters with their σ and limits."""
+    words, colour = _VERDICTS[found.verdict]
+    table = parameters_beside_limits("Parameters from the second step", "camera", "value")
+    for row in found.parameters:
+        unit, factor, decimals = shown(row.unit, "screen")
+        numbers = (row.value, row.sigma, row.limit)
+        table.add_row(
+            row.parameter,
+            row.camera,
+            *(written(value, factor, decimals) for value in numbers),
+            unit,
+            Text(row.verdict.replace("_", " "), style=_STYLES[row.verdict]),
+        )
+    sentence = Text(f"The two-step calibration is {words}.", style=f"bold {colour}")
+    return Group(sentence, Text(), table)
+
 
 _WORDS = {
     "done": ("{}", "bold green"),

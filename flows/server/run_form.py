@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 #: The choice that leaves a setting alone.
 AS_GIVEN: Literal["as in the project file"] = "as in the project file"
@@ -11,10 +11,8 @@ AS_GIVEN: Literal["as in the project file"] = "as in the project file"
 Number = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class RunForm(BaseModel):
+class RunForm(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
     """Settings of one run; unchanged ones come from the project file."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     rejection: Literal["as in the project file", "none", "3.29", "4.13"] = Field(
         default=AS_GIVEN, title="Rejection of gross errors"

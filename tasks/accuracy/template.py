@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from tasks.accuracy.check_points import QUANTITIES, Points
 from tasks.errors import InputError
@@ -43,8 +43,8 @@ _REMEDY = "docs/statements.md describes templates."
 _Metres: TypeAlias = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class _Data(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+class _Data(BaseModel, frozen=True, extra="forbid"):
+    """Base of the parts of a template: immutable, and an unknown key is an error."""
 
 
 class Texts(_Data):

@@ -11,7 +11,7 @@ from datetime import date
 from typing import Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from adjust.arrays import Floats
 from tasks.files.json_text import json_text
@@ -21,10 +21,8 @@ from tasks.settings.cameras import CameraIdentity
 Verdict: TypeAlias = Literal["accepted", "restricted", "refused"]
 
 
-class RecordModel(BaseModel):
+class RecordModel(BaseModel, frozen=True, extra="forbid"):
     """Base of the parts of a record: immutable, without unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class CalibratedCamera(RecordModel):

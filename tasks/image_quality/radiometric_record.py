@@ -6,7 +6,7 @@ import hashlib
 from datetime import date
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from tasks.files.json_text import JSON, json_text
 
@@ -14,15 +14,13 @@ from tasks.files.json_text import JSON, json_text
 FILE = "radiometric_certificate.json"
 
 
-class RadiometricQuantity(BaseModel):
+class RadiometricQuantity(BaseModel, frozen=True, extra="forbid"):
     """A figure of a band that can be compared with that of another date.
 
     Attributes
     ----------
     sigma : its standard deviation; None: of a number of defects, or not known.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     band: int
     quantity: str
@@ -31,7 +29,7 @@ class RadiometricQuantity(BaseModel):
     unit: str
 
 
-class RadiometricRecord(BaseModel):
+class RadiometricRecord(BaseModel, frozen=True, extra="allow"):
     """The record; its other content (digests of tables, settings, software) is kept unchanged.
 
     Attributes
@@ -40,8 +38,6 @@ class RadiometricRecord(BaseModel):
     body, lens : serial numbers.
     examined : date of the images.
     """
-
-    model_config = ConfigDict(frozen=True, extra="allow")
 
     camera: str
     body: str | None

@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Annotated, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, computed_field
+from pydantic import AfterValidator, BaseModel, Field, computed_field
 
 from tasks.files.json_text import JSON, from_json, json_text
 from tasks.object_storage.address import ObjectAddress
@@ -57,20 +57,16 @@ def object_of(stage: str, key: str, sha256: str, file: str) -> str:
     return f"{folder_of(stage, key)}/{sha256}/{file}"
 
 
-class ListedFile(BaseModel):
+class ListedFile(BaseModel, frozen=True):
     """A file of a stage output: name, digest and size."""
-
-    model_config = ConfigDict(frozen=True)
 
     file: PlainName
     sha256: Digest
     bytes: Annotated[int, Field(ge=0)]
 
 
-class StageListing(BaseModel):
+class StageListing(BaseModel, frozen=True):
     """A finished stage output: which files, and the seconds it once took to compute them."""
-
-    model_config = ConfigDict(frozen=True)
 
     stage: PlainName
     key: Digest

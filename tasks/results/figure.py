@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeAlias, cast
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from tasks.files.json_text import JSON
 
@@ -13,10 +13,8 @@ from tasks.files.json_text import JSON
 Values: TypeAlias = tuple[float | None, ...]
 
 
-class Figure(BaseModel):
+class Figure(BaseModel, frozen=True, extra="ignore"):
     """Base of the figures: immutable; figures of later versions are ignored."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
 
     def to_json(self) -> Mapping[str, JSON]:
         """As it is in notes and summary.json."""

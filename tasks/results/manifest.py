@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Self, cast
 
-from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+from pydantic import BaseModel, ValidationError, field_validator
 
 from tasks.files.json_text import JSON, finite, read_json, replace_json
 from tasks.results.summary import CONTRACT_VERSION
@@ -24,7 +24,7 @@ from tasks.store.stage_record import StageRecord, utc_now
 MANIFEST = "manifest.json"
 
 
-class ManifestEntry(BaseModel):
+class ManifestEntry(BaseModel, frozen=True):
     """One published file.
 
     Attributes
@@ -33,8 +33,6 @@ class ManifestEntry(BaseModel):
     sha256, rows : digest of its bytes, and number of rows of a table.
     stage, key : the stage that made it and the key of that output in the store.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     file: str
     sha256: str
@@ -51,10 +49,8 @@ class ManifestEntry(BaseModel):
         return file
 
 
-class StageEntry(BaseModel):
+class StageEntry(BaseModel, frozen=True):
     """One stage of the run: its key, whether its output was reused, and the seconds it took."""
-
-    model_config = ConfigDict(frozen=True)
 
     stage: str
     key: str
@@ -62,7 +58,7 @@ class StageEntry(BaseModel):
     seconds: float
 
 
-class Manifest(BaseModel):
+class Manifest(BaseModel, frozen=True):
     """The content of manifest.json.
 
     Attributes
@@ -75,8 +71,6 @@ class Manifest(BaseModel):
     versions : of this software and the libraries that matter.
     times : ``started`` and ``finished``, ISO 8601, UTC.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     contract_version: int
     artifacts: Mapping[str, ManifestEntry]

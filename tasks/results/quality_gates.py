@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from tasks.files.json_text import JSON
 from tasks.settings.quality import AxisGate, Gate, Gates
@@ -31,7 +31,7 @@ _CALIBRATIONS = ("calibration", _TWO_STEP_ONLY)
 _ADJUSTMENT = "sigma0"
 
 
-class GateResult(BaseModel):
+class GateResult(BaseModel, frozen=True):
     """One tested limit.
 
     Attributes
@@ -42,8 +42,6 @@ class GateResult(BaseModel):
     bound : whether `limit` is the largest or the smallest value that passes.
     passed : whether the figure exists and meets the limit.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     name: str
     value: float | None

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias, cast
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from tasks.files.json_text import JSON, finite, read_json, replace_json
 from tasks.results.quality_gates import GateResult, tested_gates
@@ -24,10 +24,8 @@ SUMMARY = "summary.json"
 Status: TypeAlias = Literal["done", "gate_failed", "input_error", "not_computable"]
 
 
-class Counts(BaseModel):
+class Counts(BaseModel, frozen=True, extra="allow"):
     """Numbers of entities; null for what was not counted."""
-
-    model_config = ConfigDict(frozen=True, extra="allow")
 
     images: int | None = None
     object_points: int | None = None
@@ -37,10 +35,8 @@ class Counts(BaseModel):
     check: int | None = None
 
 
-class ParameterFigure(BaseModel):
+class ParameterFigure(BaseModel, frozen=True, extra="allow"):
     """A system parameter as in parameters.parquet."""
-
-    model_config = ConfigDict(frozen=True, extra="allow")
 
     parameter: str
     entity: str | None = None
@@ -51,13 +47,11 @@ class ParameterFigure(BaseModel):
     status: str | None = None
 
 
-class CheckPointTest(BaseModel):
+class CheckPointTest(BaseModel, frozen=True, extra="allow"):
     """RMS and mean at check points next to what their σ let expect; east, north, up, null without a point.
 
     ``ratio`` is the found over the predicted RMS, ``over_limit`` the largest figure over its upper limit.
     """
-
-    model_config = ConfigDict(frozen=True, extra="allow")
 
     points: tuple[int, ...]
     rmse_m: tuple[float | None, ...]
@@ -77,10 +71,8 @@ class CheckPointTest(BaseModel):
         return self.over_limit <= 1.0
 
 
-class DistanceFigures(BaseModel):
+class DistanceFigures(BaseModel, frozen=True, extra="allow"):
     """Distances between object points after the adjustment; null where there are none of a kind."""
-
-    model_config = ConfigDict(frozen=True, extra="allow")
 
     used: int
     rejected: int
@@ -92,26 +84,22 @@ class DistanceFigures(BaseModel):
     over_limit: float | None
 
 
-class DirectGeoreferencing(BaseModel):
+class DirectGeoreferencing(BaseModel, frozen=True, extra="allow"):
     """Figures of the direct-georeferencing check.
 
     ``rmse_m`` and ``max_m`` at the independent check points; null without any.
     """
-
-    model_config = ConfigDict(frozen=True, extra="allow")
 
     rmse_m: tuple[float | None, ...] | None = None
     max_m: tuple[float | None, ...] | None = None
     y_parallax_max_um: float | None = None
 
 
-class DeliveryFigure(BaseModel):
+class DeliveryFigure(BaseModel, frozen=True, extra="allow"):
     """A delivery of the project: its folder below that of the results, and its largest misfit.
 
     ``misfit_px`` is null where it could not be made for another reason, which is in ``problems``.
     """
-
-    model_config = ConfigDict(frozen=True, extra="allow")
 
     format: str
     folder: str
@@ -120,14 +108,12 @@ class DeliveryFigure(BaseModel):
     written: bool
 
 
-class Summary(BaseModel):
+class Summary(BaseModel, frozen=True, extra="allow"):
     """The content of summary.json.
 
     Three numbers stand for x, y, z (metres). ``sigma0`` is a posteriori / a priori; ``sigma0_um`` and
     ``sigma0_px`` are sigma0 times the a-priori standard deviation of the reference image observation.
     """
-
-    model_config = ConfigDict(frozen=True, extra="allow")
 
     contract_version: int = CONTRACT_VERSION
     status: Status

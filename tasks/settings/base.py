@@ -19,7 +19,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, ClassVar, TypeAlias, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, field_validator
+from pydantic import BaseModel, BeforeValidator, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from adjust.errors import ExtensionError
@@ -37,13 +37,11 @@ DATA_VARIABLE = "AEROCAL_TEST_DATA"
 _SHOWN = 500
 
 
-class Settings(BaseModel):
+class Settings(BaseModel, frozen=True, extra="forbid"):
     """Base of every table of the project file: immutable, and an unknown key is an error.
 
     The docstring of a key is its meaning in messages and pages, see :func:`meaning_of`.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     #: Fields that no stage reads (names for people) and that therefore must not cause recomputing.
     outside_key: ClassVar[frozenset[str]] = frozenset()

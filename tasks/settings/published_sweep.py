@@ -12,14 +12,14 @@ from functools import cached_property
 from importlib import resources
 from importlib.resources.abc import Traversable
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, model_validator
 
 from tasks.files.json_text import JSON
 
 Scenario = tuple[str, str, str]
 
 
-class PublishedPart(BaseModel):
+class PublishedPart(BaseModel, frozen=True, extra="forbid"):
     """One printed table.
 
     Attributes
@@ -29,8 +29,6 @@ class PublishedPart(BaseModel):
     columns : names of the columns; the first ones say which scenario a row is about.
     rows : their values; an empty text is a number that is not printed.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     title: str
     control: str | None = None
@@ -54,7 +52,7 @@ class PublishedPart(BaseModel):
         return found
 
 
-class PublishedTable(BaseModel):
+class PublishedTable(BaseModel, frozen=True, extra="forbid"):
     """What a publication prints about scenarios like those of a sweep.
 
     Attributes
@@ -66,8 +64,6 @@ class PublishedTable(BaseModel):
     facts, statistics : of a burn-in protocol: single figures, and rows of three by the keys of our tables.
     heads : omega, phi, kappa of each head of its platform, degrees.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str
     title: str

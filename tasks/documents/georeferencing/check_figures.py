@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeAlias
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from tasks.results.figures import StatementFigure
 from tasks.results.summary import ParameterFigure
@@ -15,10 +15,8 @@ Triple: TypeAlias = tuple[float | None, float | None, float | None]
 NONE: Triple = (None, None, None)
 
 
-class _Figure(BaseModel):
+class _Figure(BaseModel, frozen=True, extra="ignore"):
     """Figures to which later versions may add."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
 
 
 class DifferenceFigures(_Figure):

@@ -22,7 +22,7 @@ from tasks.formats.native_csv import read_csv_exposures
 from tasks.formats.opensfm import read_opensfm_cameras, read_opensfm_exposures
 from tasks.formats.opensfm_control import read_opensfm_control, read_opensfm_measurements
 from tasks.formats.opf import read_opf_cameras, read_opf_distances, read_opf_exposures
-from tasks.formats.opf_tracks import tracks_of
+from tasks.formats.opf_project import tracks_of
 from tasks.formats.ossim import read_ossim_camera
 from tasks.formats.rtklib import read_rtklib
 from tasks.formats.stac import read_stac_cameras, read_stac_exposures
