@@ -76,19 +76,55 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(50_000)
 
 
+#: Folders of tests that need hardly any compiled kernel.
+WITHOUT_KERNELS = (
+    "tests/tasks/files/",
+    "tests/tasks/formats/",
+    "tests/tasks/image_files/",
+    "tests/tasks/inventory/",
+    "tests/tasks/production/",
+    "tests/tasks/registry/",
+    "tests/tasks/settings/",
+    "tests/tasks/store/",
+    "tests/tasks/tables/",
+)
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
-    """The files whose tests need Prefect's server go to one worker, so that there is one such server."""
+    """Files whose tests need Prefect's server go to one worker; of a whole run, the longest come first.
+
+    In a fresh clone all kernels are compiled in the first minute. Two workers that begin with adjustments
+    wait for one another then, so all but the first begin with files that hardly need any.
+    """
     if config.getvalue("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
+
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS
 
     class OneServer(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = super()._split_scope(nodeid)
             return "prefect" if "mark.prefect" in _text_of(file) else file
 
+        def _assign_work_unit(self, node: Any) -> None:
+            if whole:
+                first = node is self.nodes[0]
+                chosen = min(self.workqueue, key=lambda file: _place(file, compiles=first))
+                self.workqueue.move_to_end(chosen, last=False)
+            super()._assign_work_unit(node)
+
     return OneServer(config, log)
+
+
+def _place(file: str, *, compiles: bool) -> int:
+    """When a worker takes a file: flows have the longest tests, short ones at the end keep workers busy."""
+    if not compiles and file.startswith(WITHOUT_KERNELS):
+        return -1
+    if file == "prefect" or file.startswith("tests/flows/"):
+        return 0
+    return 2 if file.startswith("tests/tasks/") else 1
 
 
 @functools.cache
