@@ -9,17 +9,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from adjust.errors import DatumDefectError
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
 from adjust.quality.cofactor import Cofactor, cofactor, of_other_rays
 from adjust.quality.considered import considered_errors
 from adjust.quality.redundancy import GroupResiduals, group_residuals
 from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate, single_step
+from adjust.solve.step import Step
 from adjust.solve.system import Observations, System
 from adjust.solve.updated_normals import changed_points
 
 # One step does where vᵀPv is what linear equations promise, but for this part.
 _LINEAR = 1e-3
+# A step (bound of |dx_i|/σ_i) after which nothing moves any more that shows.
+_SHORT = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +125,11 @@ class Adjuster:
         if state is not None and back.any():
             places = np.where(back[:, None], state.object_point, start.object_point)
             start = replace(start, object_point=places)
-        solution, promised = single_step(before.system, before.solution, system, start)
+        try:
+            solution, promised = single_step(before.system, before.solution, system, start)
+        except DatumDefectError:
+            # Of an earlier state's matrix, what the rejected observations gave at this one is taken off.
+            return self.again(before, observations, state)
         changed = changed_points(before.observations, system.observations, len(system.active_point))
         quality = of_other_rays(before.quality, system, solution, changed)
         residuals = group_residuals(system, solution.state, quality)
@@ -148,7 +156,17 @@ class Adjuster:
         """
         if not before.solution.stalled:
             return before.solution
-        return iterate(before.system, before.state, self.options.most_iterations, self.progress)
+        found, earlier = before.solution, None
+        # After a short step normal equations of this state are as good as those of the end.
+        if (
+            found.linearized_at is not None
+            and found.movements is None
+            and found.iterations[-1].largest_move > _SHORT
+        ):
+            earlier = Step.repeated(before.system, found.linearized_at, found.factorization)
+        return iterate(
+            before.system, before.state, self.options.most_iterations, self.progress, earlier=earlier
+        )
 
     def completed(self, before: Adjusted, solution: Solution) -> Adjusted:
         """With the solution of ``values_to_the_end``."""

@@ -110,7 +110,8 @@ Progress = Callable[[Iteration], None]
 def single_step(before: System, solution: Solution, system: System, start: State) -> tuple[Solution, float]:
     """One linear step after a few observations were rejected or came back, and the vᵀPv that it promises.
 
-    The solution counts as stalled. Its normal equations are those of the last linearisation, updated.
+    The solution counts as stalled. Its normal equations are those of the last linearisation, updated; their
+    matrix may be that of an earlier state.
 
     Parameters
     ----------
@@ -135,6 +136,7 @@ def iterate(
     progress: Progress | None = None,
     may_stall: bool = False,
     near: bool = False,
+    earlier: Step | None = None,
 ) -> Solution:
     """Iterate to convergence, with the factorised normal equations of the adjusted state.
 
@@ -144,9 +146,11 @@ def iterate(
     Parameters
     ----------
     near : stop after a step that moves no unknown by more than its standard deviation. The solution then
-        counts as stalled, with the normal equations from which that step was made.
+        counts as stalled, with the normal equations from which that step was made; their matrix may be that
+        of an earlier state.
+    earlier : a step to the start, whose factors may serve for the next ones.
     """
-    end = _iterated(system, start, most, progress, may_stall, _NEAR if near else _CONVERGED, by_newton=near)
+    end = _iterated(system, start, most, progress, may_stall, _NEAR if near else _CONVERGED, earlier)
     last = end.last
     if end.stalled or (last.movements is not None and not near):
         # Free movements do not show in bᵀdx: these normal equations may be those of another datum.
@@ -222,16 +226,19 @@ def _iterated(
     progress: Progress | None,
     may_stall: bool,
     limit: float,
-    by_newton: bool = False,
+    earlier: Step | None = None,
 ) -> _End:
     """As ``converge``, until no unknown moves by more than ``limit`` of its standard deviation.
 
     Parameters
     ----------
-    by_newton : whether the last step must be with the matrix of the state that it starts from.
+    earlier : a step to the start, as of :func:`iterate`.
     """
-    state, damping, before = start, 0.0, None
-    normals = reduced_normals(system, state)
+    state, damping, before = start, 0.0, earlier
+    known = None if before is None else _try(system, state, before)
+    normals = reduced_normals(system, state) if known is None else known
+    if known is None:
+        before = None
     history: list[Iteration] = []
     for number in range(1, most + 1):
         step = _step(system, state, normals, before)
@@ -244,7 +251,7 @@ def _iterated(
             at_end = weighted_squares(system, step.moved)
             if np.isfinite(at_end):
                 return _End(step.moved, at_end, tuple(history), False, step)
-        before = step if damping == 0.0 and step.movements is None and not by_newton else None
+        before = step if damping == 0.0 and step.movements is None else None
         following = _try(system, step.moved, before)
         if following is None or following.weighted_squares > squares * (1 + 1e-9) + 1e-9:
             damping, before = max(10.0 * damping, _FIRST_DAMPING), None

@@ -50,6 +50,11 @@ class Step:
         factorization, movements = factorized(system, state, normals)
         return cls(system, state, normals, factorization, *factorization.solve(), movements, True)
 
+    @classmethod
+    def repeated(cls, system: System, state: State, factorization: Factorization) -> Step:
+        """A step that was made before, by factors that are there; not of a network with an open datum."""
+        return cls(system, state, factorization.normals, factorization, *factorization.solve(), None, True)
+
     def then(self, state: State, normals: ReducedNormals) -> Step:
         """A step from a later state with the factors of this one; not of a network with an open datum.
 
