@@ -269,7 +269,9 @@ def _medians(rays: ImagePoints, found: RayResiduals, points: int, images: int) -
     # A point that could not be intersected speaks against its images as a large residual does.
     length = np.where(np.isfinite(length), length, 1e9)
     image, length = rays.image[several], length[several]
-    length = length[np.lexsort((length, image))]
+    # By length, then by image with that order kept: small numbers are sorted by their digits.
+    order = np.argsort(length)
+    length = length[order[np.argsort(image[order].astype(np.min_scalar_type(images)), kind="stable")]]
     count = np.bincount(image, minlength=images)
     seen = np.flatnonzero(count)
     first, count = (np.cumsum(count) - count)[seen], count[seen]

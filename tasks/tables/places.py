@@ -21,6 +21,8 @@ _FEW = 20
 
 def places_of(names: Texts, among: Texts) -> Places:
     """Index (n,) of each name in ``among`` (m,), which are all different; −1 if it is missing."""
+    if len(names) == 0:
+        return np.zeros(0, dtype=np.int64)
     if len(names) * _FEW < len(among):
         wanted, listed = set(names), _listed(among)
         place = {listed[i]: i for i in compress(count(), map(wanted.__contains__, listed))}
