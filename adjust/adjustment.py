@@ -168,12 +168,15 @@ def _searched(
     weighting = options.variance_components or options.correlation_times
     # Of the same block adjusted twice, neither search has to begin where an iteration ends.
     near = rule is not None and not weighting and (nearby is not None or not complete)
-    adjusted = adjuster.adjust(system, start, near=near)
-    search = Search.start(observations, adjusted, rejected)
+
+    # Handed on at once: a name for it here would keep the first adjustment until the last one is done.
+    def first() -> Search:
+        return Search.start(observations, adjuster.adjust(system, start, near=near), rejected)
+
     if weighting:
-        weighted = estimate_weights(adjuster, search, rule)
+        weighted = estimate_weights(adjuster, first(), rule)
         return weighted.search, weighted
-    return search if rule is None else snoop(adjuster, search, rule, complete), None
+    return first() if rule is None else snoop(adjuster, first(), rule, complete), None
 
 
 def _rule(options: AdjustmentOptions) -> SnoopingRule | None:

@@ -8,6 +8,7 @@ point of whose rays one is wrong, but which one cannot be told, are counted apar
 
 from __future__ import annotations
 
+import gc
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -17,6 +18,7 @@ import pytest
 from scipy import stats
 
 from adjust.adjustment import adjust_block
+from adjust.least_squares import Adjusted
 from adjust.options import AdjustmentOptions
 from adjust.quality.detectability import NON_CENTRALITY
 from adjust.result import AdjustmentResult, ObservationStatus
@@ -26,6 +28,7 @@ from adjust.simulate.gross_errors import GrossErrorSpecification
 from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.solve.design_matrix import design_matrix, full_cofactor
+from adjust.solve.gauss_newton import Iteration
 from adjust.solve.system import System
 from tests.adjust.scenes import two_strips
 from tests.adjust.simulate.specifications import CAMERA, HEIGHT, small_specification
@@ -263,3 +266,22 @@ def test_external_reliability_bounds_what_an_undetected_error_does() -> None:
         moved = np.abs(biased.state.object_point - clean.state.object_point) / sigma
         assert moved.max() <= group.external[ray, 0] * 1.01
         assert moved.max() >= 0.3 * group.external[ray, 0], "the bound is of the right size"
+
+
+def test_the_passes_before_the_last_are_not_kept_in_memory() -> None:
+    scene = two_strips()
+    rays = scene.observations.image_points
+    xy = rays.xy.copy()
+    xy[[3, 40], 0] += np.array([1e-3, 1e-4])
+    observations = replace(scene.observations, image_points=replace(rays, xy=xy))
+    alive = list[int]()
+
+    def count_adjustments(_: Iteration) -> None:
+        alive.append(sum(isinstance(item, Adjusted) for item in gc.get_objects()))
+
+    before = sum(isinstance(item, Adjusted) for item in gc.get_objects())
+    result = adjust_block(
+        scene.block, observations, AdjustmentOptions(critical_value=CRITICAL), count_adjustments
+    )
+    assert len(result.rejected_per_pass) > 1
+    assert alive[-1] - before <= 2  # the one a pass begins with, and the one it has just made
