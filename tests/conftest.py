@@ -45,6 +45,10 @@ for name in ("PREFECT_API_URL", "PREFECT_PROFILE"):
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Waiting for the disk takes a tenth of the time of tests that store results, and no test cuts the power.
+# Programs that tests start, and kill, do wait.
+os.fsync = lambda _: None
+
 # The same examples in every run, and no test that fails because the machine has other work.
 hypothesis.settings.register_profile("aerocal", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("aerocal")
