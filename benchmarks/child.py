@@ -15,9 +15,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from benchmarks.contender import contender
+from benchmarks.contender import PEER, contender
 from benchmarks.machine import REPOSITORY, peak_memory_mib
 from benchmarks.problem import Problem, Solution
+from flows.runs.freed_memory import keep_freed_memory
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,8 @@ class Child:
 
 def main(name: str, problem: str, threads: str) -> None:
     """Serve the orders on the standard input until it ends."""
+    if name != PEER:
+        keep_freed_memory()  # as every process of aerocal
     arrays = Problem.read(Path(problem))
     begin = time.perf_counter()
     mine = contender(name, arrays, int(threads))

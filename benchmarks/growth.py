@@ -33,6 +33,7 @@ from benchmarks.problem import Problem, block_of
 from benchmarks.record import Record
 from benchmarks.tables import write_tables
 from benchmarks.workload import Workload
+from flows.runs.freed_memory import keep_freed_memory
 
 _Result = TypeVar("_Result")
 
@@ -74,6 +75,7 @@ def phases(problem: Problem, threads: int) -> dict[str, float]:
 
 def main(file: str) -> None:
     """Measure the problem in a file and print what :class:`Record` wants to know."""
+    keep_freed_memory()  # as every process of aerocal
     problem, threads = Problem.read(Path(file)), available_threads()
     # What is compiled or loaded on the first call belongs to the start, not to the growth.
     phases(problem, threads)

@@ -25,6 +25,7 @@ from adjust.solve.system import Observations
 from benchmarks.machine import REPOSITORY, machine, peak_memory_mib
 from benchmarks.record import RIG, Record
 from benchmarks.workload import Workload
+from flows.runs.freed_memory import keep_freed_memory
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulation_input import block_specification
 
@@ -83,6 +84,7 @@ def alone(block: Block, observations: Observations) -> tuple[Block, Observations
 
 def main(lines: int, exposures: int) -> None:
     """Measure and print what :class:`Record` wants to know."""
+    keep_freed_memory()  # as every process of aerocal
     options = AdjustmentOptions(critical_value=None, threads=available_threads())
 
     def seconds(block: Block, observations: Observations) -> float:

@@ -28,6 +28,7 @@ from benchmarks.machine import REPOSITORY, machine, peak_memory_mib
 from benchmarks.problem import Problem, block_of
 from benchmarks.record import TRUST_MAP, Record
 from benchmarks.workload import Workload
+from flows.runs.freed_memory import keep_freed_memory
 
 _CELLS, _SOLVED_FOR = 1_000_000, 300
 _SIGMA_M = 1.5e-6
@@ -58,6 +59,7 @@ def cells_over(points: Floats, count: int) -> GroundCells:
 
 def main(file: str) -> None:
     """Measure the problem in a file and print what :class:`Record` wants to know."""
+    keep_freed_memory()  # as every process of aerocal
     block, observations = block_of(Problem.read(Path(file)))
     options = AdjustmentOptions(threads=available_threads())
     seconds: dict[str, float] = {}
