@@ -166,8 +166,8 @@ def _searched(
         system = nearby.system_of(block, observations)
         start, rejected = nearby.start, nearby.rejected
     weighting = options.variance_components or options.correlation_times
-    # Of the same block adjusted twice, neither search has to begin where an iteration ends.
-    near = rule is not None and not weighting and (nearby is not None or not complete)
+    # A search does not have to begin where an iteration ends; what it leaves is adjusted to the end.
+    near = rule is not None and not weighting
 
     # Handed on at once: a name for it here would keep the first adjustment until the last one is done.
     def first() -> Search:

@@ -15,6 +15,7 @@ import numpy as np
 from adjust.arrays import Floats, Ints
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import OBJECT_POINT, State
+from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.snooping_statistic import directional_statistic, normal_equivalent
 
 #: Advantage in T of the best explanation over the second, 2 ln 20: it is then twenty times as likely.
@@ -30,11 +31,13 @@ class Explanations:
     ray : (k,) indices of the rays.
     statistic : (k,) T_j.
     equivalent : (k,) the same on the scale of a standard normal variable.
+    component : (k,) largest |w| of a controlled image coordinate of the ray.
     """
 
     ray: Ints
     statistic: Floats
     equivalent: Floats
+    component: Floats
 
     def likeliest(self, count: int) -> Ints:
         """Indices of the rays whose error would explain the misfit best."""
@@ -71,21 +74,24 @@ def explanations(
     rows = jacobian * part.inverse_sigma[:, :, None]
     starts = np.flatnonzero(np.diff(part.point, prepend=-1))
     point, count = part.point[starts], np.diff(starts, append=len(part.point))
-    statistic, dimension = np.empty(len(chosen)), np.empty(len(chosen), dtype=np.int64)
+    statistic, component = np.empty(len(chosen)), np.empty(len(chosen))
+    dimension = np.empty(len(chosen), dtype=np.int64)
     for k in np.unique(count):
         alike = np.flatnonzero(count == k)
         of_rays = starts[alike, None] + np.arange(k)
         known = np.array([surveyed.get(int(j), np.zeros((3, 3))) for j in point[alike]])
-        statistic[of_rays], dimension[of_rays] = _explain(rows[of_rays], whitened[of_rays], known)
+        statistic[of_rays], dimension[of_rays], component[of_rays] = _explain(
+            rows[of_rays], whitened[of_rays], known
+        )
     equivalent = normal_equivalent(statistic, dimension)
     return {
-        int(j): Explanations(chosen[a:b], statistic[a:b], equivalent[a:b])
+        int(j): Explanations(chosen[a:b], statistic[a:b], equivalent[a:b], component[a:b])
         for j, a, b in zip(point, starts, starts + count, strict=True)
     }
 
 
-def _explain(rows: Floats, whitened: Floats, known: Floats) -> tuple[Floats, Ints]:
-    """T_j (p, k) and their dimensions of p object points with k rays each.
+def _explain(rows: Floats, whitened: Floats, known: Floats) -> tuple[Floats, Ints, Floats]:
+    """T_j (p, k), their dimensions, and the largest |w| of p object points with k rays each.
 
     Parameters
     ----------
@@ -100,5 +106,9 @@ def _explain(rows: Floats, whitened: Floats, known: Floats) -> tuple[Floats, Int
     remainder = np.eye(2 * k) - matrix @ inverse @ transposed
     misfit = (remainder @ whitened.reshape(p, 2 * k, 1)).reshape(p * k, 2)
     own = remainder.reshape(p, k, 2, k, 2)[:, np.arange(k), :, np.arange(k), :]
-    statistic, dimension = directional_statistic(misfit, np.swapaxes(own, 0, 1).reshape(p * k, 2, 2))
-    return statistic.reshape(p, k), dimension.reshape(p, k)
+    of_rays = np.swapaxes(own, 0, 1).reshape(p * k, 2, 2)
+    statistic, dimension = directional_statistic(misfit, of_rays)
+    control = np.diagonal(of_rays, axis1=1, axis2=2)
+    controlled = control >= UNCONTROLLED
+    component = np.where(controlled, np.abs(misfit) / np.sqrt(np.where(controlled, control, 1.0)), 0.0)
+    return statistic.reshape(p, k), dimension.reshape(p, k), component.max(axis=1).reshape(p, k)

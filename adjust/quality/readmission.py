@@ -1,10 +1,11 @@
 """Rejected observations that fit once the gross errors around them have been removed.
 
-The residual of an observation that is not used is a prediction error with the cofactor Σ + A Q Aᵀ, so
-its statistic has I + H in place of I − H; where errors are correlated over time, the prediction comes from
-the neighbours that are left, too. A lone rejected observation has the same statistic as before it was
-rejected; what another one's gross error had spoilt has a smaller one. An object point that
-was given up is intersected again with the present orientations.
+The residual of an observation that is not used is a prediction error z with the cofactor I + H, whitened;
+where errors are correlated over time, the prediction comes from the neighbours that are left, too. Back in
+the adjustment, the observation would have the residual (I + H)⁻¹ z with the cofactor (I + H)⁻¹, and it is
+this that the next pass would test. A lone rejected observation has the same statistic as before it was
+rejected; what another one's gross error had spoilt has a smaller one. An object point that was given up is
+intersected again with the present orientations.
 """
 
 from __future__ import annotations
@@ -14,12 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.approximate.intersection import intersect
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
+from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from adjust.quality.cofactor import with_points
 from adjust.quality.locatability import explanations
-from adjust.quality.rejection import SnoopingRule, estimated_variance
+from adjust.quality.rejection import SnoopingRule, estimated_variance, survey_information
 from adjust.quality.single_error import single_errors
 from adjust.quality.snooping_statistic import (
     EstimatedVariance,
@@ -77,12 +79,15 @@ def fitting_again(
     if alone.any():
         residual = np.nan_to_num(adjusted.residuals[0].residual, nan=np.inf)[alone]
         whitened = residual / given.image_points.sigma[alone]
-        hat = _predicted_hat(adjusted, given, alone)
+        outside, unit = np.eye(2) + _predicted_hat(adjusted, given, alone), np.eye(2)[None]
+        considered = np.zeros_like(outside)
         if adjusted.quality.considered is not None:
             come_back = replace(given.image_points, active=alone).only(np.flatnonzero(alone))
-            hat = hat + adjusted.quality.considered.covariance_of_rays(come_back, adjusted.state)
-        statistic = _predicted(whitened, np.eye(2) + hat, rule, variance)
-        back[0][alone] = statistic <= rule.critical_value
+            considered = adjusted.quality.considered.covariance_of_rays(come_back, adjusted.state)
+        statistic = _predicted(whitened, outside, considered, unit, rule, variance)
+        rows = np.flatnonzero(alone)
+        best = _best_of_points(rows, given.image_points.point[rows], statistic, rule.critical_value)
+        back[0][_harmless(adjusted, given, best, rule, variance)] = True
     others = zip(given.others, adjusted.observations.others, rejected[1:], strict=True)
     for k, (group, left, mask) in enumerate(others, start=1):
         rows = np.flatnonzero(mask)
@@ -95,26 +100,82 @@ def fitting_again(
             adjusted.quality,
             left.stochastic.taking_part,
         )
-        spread = of_present(group.stochastic, found.outside + found.considered)[rows]
         # The cofactor of an object point that is not used is not known: it does not come back alone.
-        known = np.isfinite(spread).all(axis=(1, 2))
-        statistic = np.full(len(rows), np.inf)
-        statistic[known] = _predicted(found.pull[rows][known], spread[known], rule, variance)
+        rows = rows[np.isfinite(of_present(group.stochastic, found.outside)[rows]).all(axis=(1, 2))]
+        outside, considered = (
+            of_present(group.stochastic, cofactors)[rows] for cofactors in (found.outside, found.considered)
+        )
+        whitener = group.stochastic.whitener[rows]
+        statistic = _predicted(found.pull[rows], outside, considered, whitener, rule, variance)
         back[k][rows] = statistic <= rule.critical_value
     points, state = _closing_points(adjusted, given, given_up, rule, variance)
     return Return(tuple(back), points, state)
 
 
+def _best_of_points(rays: Ints, point: Ints, statistic: Floats, critical_value: float) -> Ints:
+    """Of the rays (k,) of each object point the one that fits best, if it fits.
+
+    Two rays of which one is wrong may both fit alone and not together: the second one is tested again when
+    the first one is back.
+    """
+    order = np.lexsort((statistic, point))
+    first = order[np.diff(point[order], prepend=-1) > 0]
+    return rays[first[statistic[first] <= critical_value]]
+
+
+def _harmless(
+    adjusted: Adjusted,
+    given: Observations,
+    rays: Ints,
+    rule: SnoopingRule,
+    variance: EstimatedVariance | None,
+) -> Ints:
+    """Those of some rays (k,), one of a point, that do not bring another ray of it above the critical value.
+
+    A survey holds its point, and lets no other ray suffer.
+    """
+    if len(rays) == 0:
+        return rays
+    point, surveyed = given.image_points.point[rays], survey_information(given, adjusted.state)
+    free = point[[int(p) not in surveyed for p in point]]
+    others = adjusted.observations.image_points.active
+    active = others.copy()
+    active[rays] = True
+    without, back = (
+        _above(replace(given.image_points, active=those), others, adjusted.state, free, rule, variance)
+        for those in (others, active)
+    )
+    return rays[~np.isin(point, np.setdiff1d(back, without))]
+
+
 def _predicted(
-    whitened: Floats, spread: Floats, rule: SnoopingRule, variance: EstimatedVariance | None
+    pull: Floats,
+    outside: Floats,
+    considered: Floats,
+    whitener: Floats,
+    rule: SnoopingRule,
+    variance: EstimatedVariance | None,
 ) -> Floats:
-    """Statistic (n,) of predicted, whitened residuals (n, m) with cofactors I + H (n, m, m)."""
+    """Statistic (n,) that observations which are not used would have if they were.
+
+    Parameters
+    ----------
+    pull : (n, m) z of the predictions, whitened.
+    outside : (n, m, m) their cofactors, zero for components that are not there.
+    considered : (n, m, m) what errors of considered parameters add to them.
+    whitener : (n, m, m) or (1, m, m) W; w is a component of Wᵀ z over its root mean square.
+    """
     if rule.test == "components":
-        diagonal = np.diagonal(spread, axis1=1, axis2=2)
-        size = np.abs(whitened) / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        absent = np.diagonal(outside, axis1=1, axis2=2) == 0.0
+        inverse = np.linalg.inv(outside + absent[:, :, None] * np.eye(outside.shape[1]))
+        spread = inverse + inverse @ considered @ inverse
+        transposed = np.swapaxes(whitener, 1, 2)
+        back = np.abs((transposed @ (inverse @ pull[:, :, None]))[:, :, 0])
+        squares_of_back = np.diagonal(transposed @ spread @ whitener, axis1=1, axis2=2)
+        size = np.where(absent, 0.0, back) / np.sqrt(np.where(absent, 1.0, squares_of_back))
         squares, dimension = size.max(axis=1) ** 2, np.ones(len(size), dtype=np.int64)
     else:
-        squares, dimension = directional_statistic(whitened, spread)
+        squares, dimension = directional_statistic(pull, outside + considered)
     if variance is None:
         return normal_equivalent(squares, dimension)
     statistics = np.zeros(len(squares))
@@ -158,10 +219,32 @@ def _closing_points(
     found = intersect(rays, state, len(given_up))
     usable = given_up & found.usable
     state = replace(state, object_point=np.where(usable[:, None], found.object_point, state.object_point))
-    factor = 1.0 if variance is None else np.sqrt(variance.weighted_squares / max(variance.redundancy, 1))
-    for point, item in explanations(rays, state, np.flatnonzero(usable), {}).items():
-        back[point] = bool(item.equivalent.max() <= factor * rule.critical_value)
+    back[usable] = True
+    back[_above(rays, rays.active, state, np.flatnonzero(usable), rule, variance)] = False
     return back, state
+
+
+def _above(
+    rays: ImagePoints,
+    asked: Bools,
+    state: State,
+    points: Ints,
+    rule: SnoopingRule,
+    variance: EstimatedVariance | None,
+) -> Ints:
+    """Those of some object points of which a ray is above the critical value, orientations held.
+
+    Parameters
+    ----------
+    asked : (n,) which of the active rays are asked for.
+    """
+    factor = 1.0 if variance is None else np.sqrt(variance.weighted_squares / max(variance.redundancy, 1))
+    found = []
+    for point, item in explanations(rays, state, points, {}).items():
+        size = item.component if rule.test == "components" else item.equivalent
+        if size[asked[item.ray]].max(initial=0.0) > factor * rule.critical_value:
+            found.append(point)
+    return np.array(found, dtype=np.int64)
 
 
 def in_place(adjusted: Adjusted, given: Observations, given_up: Bools) -> Adjusted:

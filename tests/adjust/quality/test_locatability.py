@@ -93,4 +93,4 @@ def test_two_rays_explain_a_misfit_equally_well() -> None:
 
 
 def test_a_single_explanation_locates_nothing() -> None:
-    assert not Explanations(np.array([4]), np.array([50.0]), np.array([7.0])).is_located
+    assert not Explanations(np.array([4]), np.array([50.0]), np.array([7.0]), np.array([7.0])).is_located

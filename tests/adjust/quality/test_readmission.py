@@ -14,6 +14,7 @@ from adjust.least_squares import Adjuster
 from adjust.options import AdjustmentOptions
 from adjust.quality.readmission import in_place
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
+from adjust.result import ObservationStatus
 from adjust.solve.system import System
 from tests.adjust.scenes import MICROMETRE, Scene, two_strips
 
@@ -107,8 +108,43 @@ def test_wrong_observations_do_not_come_back() -> None:
     assert search.fitting_again(RULE).count == 0
 
 
+@pytest.mark.parametrize(("component", "wrong", "size_um"), [(0, 3, 10), (1, 0, 14), (1, 2, 20)])
+def test_of_two_suspects_the_one_that_fits_comes_back_and_stays(
+    component: int, wrong: int, size_um: float
+) -> None:
+    """Each may fit without the other; both together do not, and neither is rejected once more."""
+    scene = two_strips(noise_seed=8)
+    rays = scene.observations.image_points
+    points = np.setdiff1d(np.flatnonzero(np.bincount(rays.point) == 4), scene.observations.others[0].point)
+    point = points[0] if component else points[-1]
+    own = np.flatnonzero(rays.point == point)
+    xy = rays.xy.copy()
+    xy[own[wrong], component] += size_um * MICROMETRE
+    observations = replace(scene.observations, image_points=replace(rays, xy=xy))
+    result = adjust_block(scene.block, observations, AdjustmentOptions(critical_value=4.13))
+    assert result.rejected_per_pass == (2,)
+    assert result.taken_back == 1
+    assert (result.groups[0].status[own] == ObservationStatus.REJECTED).all(axis=1).sum() == 1
+
+
+@pytest.mark.parametrize("test", ["components", "observations"])
+def test_sound_rays_of_one_point_come_back_one_after_the_other(test: Any) -> None:
+    scene = two_strips(noise_seed=8)
+    first = rays_of_many(scene)[0]
+    adjuster, rule = Adjuster(AdjustmentOptions(critical_value=4.13)), SnoopingRule(4.13, test)
+    search = search_without(scene, [first, first + 1], [], [])
+    for _ in range(2):
+        back = search.fitting_again(rule)
+        assert back.count == 1
+        search = search.more(adjuster, back)
+    assert not search.rejected[0].any()
+
+
+@pytest.mark.parametrize("test", ["components", "observations"])
 @pytest.mark.parametrize("correlation_s", [None, 10.0, 200.0])
-def test_a_lone_observation_has_the_same_statistic_inside_and_outside(correlation_s: float | None) -> None:
+def test_a_lone_observation_has_the_same_statistic_inside_and_outside(
+    correlation_s: float | None, test: Any
+) -> None:
     """Deleting it multiplies v by 1/r and its cofactor likewise: w stays.
 
     With errors correlated over time outside is between its neighbours in the strip.
@@ -117,9 +153,10 @@ def test_a_lone_observation_has_the_same_statistic_inside_and_outside(correlatio
     observations = scene.observations
     adjuster = Adjuster(AdjustmentOptions())
     adjusted = adjuster.adjust(System.of(scene.block, observations), scene.block.approximate_state())
-    rule = SnoopingRule(4.13, "observations")
+    rule = SnoopingRule(4.13, test)
     statistics = snooping_statistics(adjusted, rule)
-    first, second = rays_of_many(scene)
+    # No other ray of their point is above the critical values below when they are back.
+    first, second = (ray + int(np.argmax(statistics[0][ray : ray + 5])) for ray in rays_of_many(scene))
     for group, row in ((0, first), (0, second), (2, 4), (2, 3), (3, 6)):
         inside = float(statistics[group][row])
         rejected = tuple(np.zeros(len(item.event), dtype=bool) for item in observations.groups)
