@@ -52,6 +52,8 @@ _DIFFERING: dict[str, tuple[Scope, ...]] = {
 }
 _IMAGE_ERRORS = "brown"
 _PER_MILLION = 1e-6
+# A correction that is missing, made twice or with the wrong sign is off by one or two times itself.
+_MOST_OF_ITSELF = 3.0
 # Less than this part of its height is not a relief, or no second height, that a scale could show in.
 _FLAT = 1e-3
 # Refraction that stays below this part of the σ of every image point (close range) explains nothing.
@@ -72,6 +74,7 @@ class Alternative:
     unit, factor : of its size in the tables, and the factor from SI and radians.
     model : what is tested.
     critical : |t| above which it is significant, where that does not depend on the other alternatives.
+    most : size beyond which it is no such mistake, in its unit.
     """
 
     quantity: str
@@ -82,6 +85,7 @@ class Alternative:
     factor: float
     model: ModelAlternative
     critical: float | None = None
+    most: float = np.inf
 
     @property
     def key(self) -> tuple[str, str, str, str]:
@@ -262,7 +266,7 @@ def _of_attitudes(material: _Material) -> Iterator[Alternative]:
     convergence = np.arctan2(grid[:, 1, 0], grid[:, 0, 0])
     if np.abs(convergence).max(initial=0.0) > _NO_CONVERGENCE:
         turned = np.einsum("nji,nj->ni", ins.observed, enu[:, :, 2]) * convergence[:, None]
-        yield Alternative("convergence", "", "all", "", "1", 1.0, ObservationAlternative(ins.name, turned))
+        yield _of_itself("convergence", "", ObservationAlternative(ins.name, turned))
 
 
 def _of_control(material: _Material) -> Iterator[Alternative]:
@@ -305,16 +309,20 @@ def _scaled(quantity: str, group: str, arm: Floats) -> Alternative:
     )
 
 
+def _of_itself(quantity: str, entity: str, model: ModelAlternative) -> Alternative:
+    """Something that was corrected or read wrongly, as a part of itself."""
+    return Alternative(quantity, entity, "all", "", "1", 1.0, model, most=_MOST_OF_ITSELF)
+
+
 def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alternative]:
     """Refraction; other readings of what is given; distortion and affinity of every camera."""
     block, rays = material.block, material.observations.image_points
     interior = next(item.values for item in block.system if item.family.name == INTERIOR_ORIENTATION)
     bent = refraction(block, rays, interior)
     if (np.abs(bent) * rays.inverse_sigma).max(initial=0.0) > _NO_REFRACTION:
-        yield Alternative("refraction", "", "all", "", "1", 1.0, ObservationAlternative(rays.name, bent))
+        yield _of_itself("refraction", "", ObservationAlternative(rays.name, bent))
     for quantity, entity, change in other_readings(block, rays):
-        reading = ObservationAlternative(rays.name, change)
-        yield Alternative(quantity, entity, "all", "", "1", 1.0, reading)
+        yield _of_itself(quantity, entity, ObservationAlternative(rays.name, change))
     free = _free_additional(block)
     rows = {row["camera"]: row for row in cameras.to_dict("records")}
     for number, camera in enumerate(block.cameras):

@@ -14,6 +14,7 @@ from scipy import special
 from adjust.arrays import Bools, Floats
 from adjust.model_tests import ModelTests
 from adjust.parameters import Quantity
+from adjust.quality.model_alternatives import AlternativeTests
 from tasks.evaluation.alternative_words import POWER, alternative_words
 from tasks.evaluation.model_alternatives import Alternative
 from tasks.evaluation.result_tables import AdjustedBlock
@@ -31,6 +32,8 @@ _GRAVITY = (1.0, 30.0)
 _SCATTER_PROBABILITY = 0.001
 # Scores correlated by more than this cannot be separated from each other by chance; so many are named.
 _ALIKE, _MOST_ALIKE = 0.7, 3
+# So many σ beyond the largest possible size, it is certain that something else is the cause.
+_CERTAIN = 3.0
 # With fewer strips their scatter says nothing.
 _FEW_STRIPS = 4
 _DIVISIONS = ("flight", "height", "direction")
@@ -80,7 +83,8 @@ class ExaminedModel:
     @cached_property
     def order(self) -> tuple[int, ...]:
         """The alternatives that explain the misclosures, the most likely first."""
-        return self.found.tests.explanation(self.critical * self.scale)
+        most = np.array([item.most / item.factor for item in self.alternatives])
+        return possible_explanation(self.found.tests, self.critical * self.scale, most, self.scale)
 
     @cached_property
     def joint(self) -> tuple[float, Floats]:
@@ -244,6 +248,29 @@ class ExaminedModel:
             for _, component in np.argwhere(item.free)
         ]
         return np.array(factors, dtype=np.float64)
+
+
+def possible_explanation(
+    tests: AlternativeTests, critical: Floats, most: Floats, scale: float
+) -> tuple[int, ...]:
+    """The alternatives that explain the misclosures, without those that would have to be too large for it.
+
+    Where several look nearly the same, together they can take any size.
+
+    Parameters
+    ----------
+    critical : (k,) |t| above which an alternative is significant, with σ0 = 1.
+    most : (k,) size beyond which it is no explanation; three times its σ are allowed on top.
+    scale : factor of all σ.
+    """
+    critical = critical.copy()
+    while order := tests.explanation(critical):
+        size, sigma = np.abs(tests.joint(order)[1]), scale * tests.joint_sigma(order)
+        beyond = size - _CERTAIN * sigma > most[list(order)]
+        if not beyond.any():
+            break
+        critical[np.array(order)[beyond]] = np.inf
+    return order
 
 
 def write_model_alternatives(folder: Path, examined: ExaminedModel) -> None:
