@@ -77,7 +77,7 @@ def fitting_again(
     alone = rejected[0] & adjusted.system.active_point[given.image_points.point]
     back = [np.zeros(len(group.event), dtype=bool) for group in given.groups]
     if alone.any():
-        residual = np.nan_to_num(adjusted.residuals[0].residual, nan=np.inf)[alone]
+        residual = np.nan_to_num(adjusted.residuals[0].residual[alone], nan=np.inf)
         whitened = residual / given.image_points.sigma[alone]
         outside, unit = np.eye(2) + _predicted_hat(adjusted, given, alone), np.eye(2)[None]
         considered = np.zeros_like(outside)
@@ -190,17 +190,18 @@ def _predicted(
 
 def _predicted_hat(adjusted: Adjusted, given: Observations, alone: Bools) -> Floats:
     """A Q Aᵀ P (k, 2, 2) of rejected rays (n,) of points that are there."""
-    system, rays = adjusted.system, given.image_points
-    light = replace(
-        adjusted.observations.image_points,
-        sigma=np.where(alone[:, None], rays.sigma / _ROOT_OF_WEIGHT, rays.sigma),
-        active=adjusted.observations.image_points.active | alone,
-    )
-    concerned = np.zeros_like(system.active_point)
+    rays, concerned = given.image_points, np.zeros_like(adjusted.system.active_point)
     concerned[rays.point[alone]] = True
-    with_them = replace(system, observations=replace(adjusted.observations, image_points=light))
-    quality = with_points(of_points(with_them, concerned), adjusted.solution, adjusted.quality.reduced)
-    hat = quality.hat_of_rays[alone[concerned[rays.point]]] / _ROOT_OF_WEIGHT**2
+    system, asked = of_points(adjusted.system, concerned), alone[concerned[rays.point]]
+    own = system.observations.image_points
+    light = replace(
+        own,
+        sigma=np.where(asked[:, None], own.sigma / _ROOT_OF_WEIGHT, own.sigma),
+        active=own.active | asked,
+    )
+    with_them = replace(system, observations=replace(system.observations, image_points=light))
+    quality = with_points(with_them, adjusted.solution, adjusted.quality.reduced)
+    hat = quality.hat_of_rays[asked] / _ROOT_OF_WEIGHT**2
     return hat[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
