@@ -145,21 +145,23 @@ def iterate(
 
     Parameters
     ----------
-    near : stop after a step that moves no unknown by more than its standard deviation. The solution then
-        counts as stalled, with the normal equations from which that step was made; their matrix may be that
-        of an earlier state.
+    near : stop after a step that moves no unknown by more than its standard deviation. Unless it hardly
+        moves any, the solution then counts as stalled, with the normal equations from which that step was
+        made; their matrix may be that of an earlier state.
     earlier : a step to the start, whose factors may serve for the next ones.
     """
     end = _iterated(system, start, most, progress, may_stall, _NEAR if near else _CONVERGED, earlier)
-    last = end.last
-    if end.stalled or (last.movements is not None and not near):
+    last, only_near = end.last, end.last.largest_move >= _CONVERGED
+    if end.stalled or (last.movements is not None and not only_near):
         # Free movements do not show in bᵀdx: these normal equations may be those of another datum.
         found = solution_at(system, end.state)
         return replace(found, iterations=end.iterations, stalled=end.stalled)
+    if only_near:
+        return _solution(last, end.iterations, True)
     settled = last.is_newton and last.largest_move < _SETTLED and last.movements is None
-    if not (near or settled):
+    if not settled:
         last = Step.newton(system, end.state, reduced_normals(system, end.state))
-    return _solution(last, end.iterations, near and not settled)
+    return _solution(last, end.iterations, False)
 
 
 def _solution(last: Step, iterations: tuple[Iteration, ...], stalled: bool) -> Solution:
