@@ -52,6 +52,8 @@ _DGEMM = _routine(
     _NUMBER, c_void_p, _SIZE,
 )  # fmt: skip
 
+# Triangles of more rows are solved with in halves.
+_SOLVED_WHOLE = 64
 _LOWER, _LEFT, _RIGHT = byref(c_char(b"L")), byref(c_char(b"L")), byref(c_char(b"R"))
 _PLAIN, _TRANSPOSED, _NOT_UNIT = byref(c_char(b"N")), byref(c_char(b"T")), byref(c_char(b"N"))
 _ZERO, _ONE, _MINUS_ONE, _NEXT = (
@@ -174,13 +176,42 @@ def solve_lower_transposed(lower: Floats, x: Floats) -> None:
 
 
 def _solve_many(lower: Floats, x: Floats, side: Any) -> None:
-    """xᵀ L⁻ᵀ (transposed) or xᵀ L⁻¹ in place: rows of x (p, k) are columns of its transpose."""
+    """xᵀ L⁻ᵀ (transposed) or xᵀ L⁻¹ in place: rows of x (p, k) are columns of its transpose.
+
+    In halves, as long as these are large: products are several times as fast as solutions.
+    """
     p, k = x.shape
-    if p and k:
+    if p > _SOLVED_WHOLE:
+        half = p // 2
+        upper, below, rest = lower[:half, :half], lower[half:, :half], lower[half:, half:]
+        first, last = x[:half], x[half:]
+        if side is _TRANSPOSED:
+            _solve_many(upper, first, side)
+            subtract_rows(last, below, first)
+            _solve_many(rest, last, side)
+        else:
+            _solve_many(rest, last, side)
+            subtract_rows(first, below.T, last)
+            _solve_many(upper, first, side)
+    elif p and k:
         transposed = x.T
         _DTRSM(
             _RIGHT, _LOWER, side, _NOT_UNIT, byref(c_int(k)), byref(c_int(p)), _ONE, lower.ctypes.data,
             _step(lower), transposed.ctypes.data, _step(transposed),
+        )  # fmt: skip
+
+
+def subtract_rows(x: Floats, factor: Floats, y: Floats) -> None:
+    """X −= B y in place; x (p,) or (p, k) and y (q,) or (q, k) with contiguous rows, B (p, q) in either order."""
+    if x.ndim == 1:
+        x -= factor @ y
+    elif x.size and y.size:
+        swapped = factor.strides[1] < factor.strides[0]
+        plain = factor.T if swapped else factor
+        _DGEMM(
+            _PLAIN, _PLAIN if swapped else _TRANSPOSED, byref(c_int(x.shape[1])), byref(c_int(len(x))),
+            byref(c_int(len(y))), _MINUS_ONE, y.ctypes.data, _step(y.T), plain.ctypes.data, _step(plain), _ONE,
+            x.ctypes.data, _step(x.T),
         )  # fmt: skip
 
 

@@ -62,13 +62,15 @@ class HelmertFactor:
         Or (n, 6, k) and (g, k), many together, in a fraction of the time.
         """
         x, many, g = self._forward(rhs, rhs_border), rhs.shape[2:], len(rhs_border)
-        parts = self.analysis.rows(g)
-        for (own, rest), factor in zip(parts[::-1], self.factors[::-1], strict=True):
-            mine = x[own]
-            mine -= factor.below.T @ x[rest]
+        parts, of_exposures = self.analysis.rows(g), np.empty(rhs.shape)
+        for front, (own, rest), factor in zip(
+            self.analysis.fronts[::-1], parts[::-1], self.factors[::-1], strict=True
+        ):
+            mine, images = x[own], front.images[: front.own]
+            dense_algebra.subtract_rows(mine, factor.below.T, x[rest])
             dense_algebra.solve_lower_transposed(factor.lower, mine)
-        of_exposures = x[: len(x) - g].reshape(-1, 6, *many)[self.analysis.rank]
-        of_exposures *= _over(self.scale_exposure, many)
+            scale = _over(self.scale_exposure[images], many)
+            of_exposures[images] = scale * mine[: 6 * front.own].reshape(front.own, 6, *many)
         return of_exposures, _over(self.scale_border, many) * x[len(x) - g :]
 
     def products(self, rhs: Floats, rhs_border: Floats) -> tuple[Floats, Floats]:
@@ -104,17 +106,23 @@ class HelmertFactor:
     def _forward(self, rhs: Floats, rhs_border: Floats) -> Floats:
         """Half a solution (6 n + g, …) in the order of elimination, own unknowns of a front together."""
         many, g, order = rhs.shape[2:], len(rhs_border), self.analysis.order
-        x = np.empty((6 * len(rhs) + g, *many))
-        of_exposures = x[: len(x) - g].reshape(rhs.shape)
-        np.take(rhs, order, axis=0, out=of_exposures)
-        of_exposures *= _over(self.scale_exposure[order], many)
+        x = np.zeros((6 * len(rhs) + g, *many))
         x[len(x) - g :] = _over(self.scale_border, many) * rhs_border
-        parts = self.analysis.rows(g)
-        for (own, rest), factor in zip(parts, self.factors, strict=True):
-            used = _columns_in_use(x[own])
+        # Most right-hand sides of a place are zero, and elimination reaches few fronts.
+        reached = np.append(np.repeat(rhs.any(axis=tuple(range(1, rhs.ndim)))[order], 6), np.ones(g, bool))
+        for front, (own, rest), factor in zip(
+            self.analysis.fronts, self.analysis.rows(g), self.factors, strict=True
+        ):
+            if not reached[own].any():
+                continue
+            images, own_rows = front.images[: front.own], x[own]
+            scaled = _over(self.scale_exposure[images], many) * rhs[images]
+            own_rows[: 6 * front.own] += scaled.reshape(-1, *many)
+            used = _columns_in_use(own_rows)
             mine = x[own, used]
             dense_algebra.solve_lower(factor.lower, mine)
             x[rest, used] -= factor.below @ mine
+            reached[rest] = True
         return x
 
     @property
