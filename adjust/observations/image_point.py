@@ -310,12 +310,12 @@ class ImagePoints:
         )
         return result
 
-    def only(self, rows: Ints) -> Self:
-        """Some of the image points, by ascending rows."""
+    def only(self, rows: Ints, point: Ints | None = None) -> Self:
+        """Some of the image points, by ascending rows; in any order with object points numbered anew (n,)."""
         return replace(
             self,
             image=self.image[rows],
-            point=self.point[rows],
+            point=self.point[rows] if point is None else point,
             xy=self.xy[rows],
             sigma=self.sigma[rows],
             active=self.active[rows],

@@ -202,7 +202,7 @@ def _solve_many(lower: Floats, x: Floats, side: Any) -> None:
 
 
 def subtract_rows(x: Floats, factor: Floats, y: Floats) -> None:
-    """X −= B y in place; x (p,) or (p, k) and y (q,) or (q, k) with contiguous rows, B (p, q) in either order."""
+    """X −= B y in place, B (p, q) in either order; x (p,), y (q,) or (p, k), (q, k) with contiguous rows."""
     if x.ndim == 1:
         x -= factor @ y
     elif x.size and y.size:
@@ -210,8 +210,8 @@ def subtract_rows(x: Floats, factor: Floats, y: Floats) -> None:
         plain = factor.T if swapped else factor
         _DGEMM(
             _PLAIN, _PLAIN if swapped else _TRANSPOSED, byref(c_int(x.shape[1])), byref(c_int(len(x))),
-            byref(c_int(len(y))), _MINUS_ONE, y.ctypes.data, _step(y.T), plain.ctypes.data, _step(plain), _ONE,
-            x.ctypes.data, _step(x.T),
+            byref(c_int(len(y))), _MINUS_ONE, y.ctypes.data, _step(y.T), plain.ctypes.data, _step(plain),
+            _ONE, x.ctypes.data, _step(x.T),
         )  # fmt: skip
 
 

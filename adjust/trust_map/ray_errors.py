@@ -12,12 +12,13 @@ a half at most.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from adjust.arrays import Floats, Ints
+from adjust.observations.image_point import ImagePoints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 from adjust.result import GroupResult, ObservationStatus
 from adjust.simulate import visibility_kernel
@@ -66,12 +67,12 @@ class BlockRays:
         wanted[images] = True
         there = np.zeros(system.layout.points, dtype=bool)
         there[rays.point[wanted[rays.event] & rays.active]] = True
-        points = np.flatnonzero(there)
-        rows = np.flatnonzero(there[rays.point] & rays.active)
-        part = rays.only(rows)
+        points, start, rows = _by_first_image(rays, np.flatnonzero(there[rays.point] & rays.active))
+        part = rays.only(rows, np.repeat(np.arange(len(points)), np.diff(start)))
+        state = replace(solution.state, object_point=solution.state.object_point[points])
         of_exposure, of_point = np.zeros((len(rows), 2, 6)), np.zeros((len(rows), 2, 3))
         of_border = np.zeros((len(rows), 2, system.border))
-        for term in part.linearize(solution.state).terms:
+        for term in part.linearize(state).terms:
             local = term.block in (EXTERIOR_ORIENTATION, OBJECT_POINT)
             if not local and (system.layout.columns[term.block] < 0).all():
                 continue
@@ -84,14 +85,13 @@ class BlockRays:
                 add_border_columns(of_border, system.layout.columns[term.block][term.index], term.jacobian)
         counted = tested.status[rows] == ObservationStatus.USED
         detectable = np.where(counted, np.nan_to_num(tested.detectable[rows]), 0.0) / part.sigma
-        start, column, vector = normals.couplings.columns(system.layout.border)
-        cofactor, place = np.empty((len(points), 3, 3)), np.zeros(len(there), dtype=np.int64)
+        join_start, column, vector = normals.couplings.columns(system.layout.border)
+        cofactor = np.empty((len(points), 3, 3))
         ray_errors_kernel.cofactors_of_points(normals.point_factor, points, cofactor)
-        place[points] = np.arange(len(points))
         image_start, ray_of_image = visibility_kernel.sorted_by(part.event, system.layout.events)
         return cls(
-            np.append(np.searchsorted(part.point, points), len(rows)),
-            place[part.point],
+            start,
+            part.point,
             part.event,
             image_start,
             ray_of_image,
@@ -100,7 +100,7 @@ class BlockRays:
             of_border,
             detectable,
             cofactor,
-            *_joins(points, start, column, vector),
+            *_joins(points, join_start, column, vector),
         )
 
     def largest_effects(self, sight: Sight, x: Floats, border: Floats) -> Floats:
@@ -127,6 +127,20 @@ class BlockRays:
             found,
         )
         return found
+
+
+def _by_first_image(rays: ImagePoints, rows: Ints) -> tuple[Ints, Ints, Ints]:
+    """The object points (k,) of some image points, where those of each begin (k + 1,), and their rows.
+
+    Points come in the order of the images (events) of their first rays: what is known of the points of an
+    image is then close together in memory.
+    """
+    begun = np.flatnonzero(np.diff(rays.point[rows], prepend=-1))
+    order = np.argsort(rays.event[rows[begun]], kind="stable")
+    count = np.diff(begun, append=len(rows))[order]
+    start = np.append(0, np.cumsum(count))
+    rows = rows[np.repeat(begun[order] - start[:-1], count) + np.arange(len(rows))]
+    return rays.point[rows[start[:-1]]], start, rows
 
 
 def images_around(sight: Sight, pattern: Covisibility) -> Sight:

@@ -15,21 +15,43 @@ def cofactors_of_points(point_factor, points, cofactor):
 
 
 @small_kernel
-def _row(ray, r, image, first, of_exposure, of_border, x, border, rows, n):
-    """Fill three places of rows with the row of A y of an image coordinate, without its object point."""
+def _row(ray, r, image, first, of_exposure, of_border, x, border):
+    """Three numbers of the row of A y of an image coordinate, without its object point."""
     of_own = six_of(of_exposure, 12 * ray + 6 * r, 1)
-    at = 3 * (2 * n + r)
-    for b in range(3):
-        value = products_of_six(of_own, six_of(x, 18 * image + b, 3))
-        for a in range(of_border.shape[2]):
-            value += of_border[ray, r, a] * border[a, first + b]
-        rows[np.uintp(at + b)] = value
+    y0 = products_of_six(of_own, six_of(x, 18 * image, 3))
+    y1 = products_of_six(of_own, six_of(x, 18 * image + 1, 3))
+    y2 = products_of_six(of_own, six_of(x, 18 * image + 2, 3))
+    for a in range(of_border.shape[2]):
+        y0 += of_border[ray, r, a] * border[a, first]
+        y1 += of_border[ray, r, a] * border[a, first + 1]
+        y2 += of_border[ray, r, a] * border[a, first + 2]
+    return y0, y1, y2
 
 
 @small_kernel
-def _three(values, at, step):
-    """Three numbers that are so far apart."""
-    return values[np.uintp(at)], values[np.uintp(at + step)], values[np.uintp(at + 2 * step)]
+def _three(values, at):
+    """Three numbers that follow each other."""
+    return values[np.uintp(at)], values[np.uintp(at + 1)], values[np.uintp(at + 2)]
+
+
+@small_kernel
+def _with_product(sums, a, b):
+    """Nine sums (3, 3), with the products of three numbers and three others added."""
+    return (
+        sums[0] + a[0] * b[0], sums[1] + a[0] * b[1], sums[2] + a[0] * b[2],
+        sums[3] + a[1] * b[0], sums[4] + a[1] * b[1], sums[5] + a[1] * b[2],
+        sums[6] + a[2] * b[0], sums[7] + a[2] * b[1], sums[8] + a[2] * b[2],
+    )  # fmt: skip
+
+
+@small_kernel
+def _of_three(a, rows):
+    """Three numbers times nine (3, 3)."""
+    return (
+        a[0] * rows[0] + a[1] * rows[3] + a[2] * rows[6],
+        a[0] * rows[1] + a[1] * rows[4] + a[2] * rows[7],
+        a[0] * rows[2] + a[1] * rows[5] + a[2] * rows[8],
+    )  # fmt: skip
 
 
 @kernel
@@ -68,10 +90,11 @@ def largest_effects(
     )
     # The part of x of a cell, side by side, of the images that are asked for.
     own_x = np.empty(18 * images)
-    pulled, y_point, rows = np.empty(9), np.empty(9), np.empty(6 * most)
-    by_exposure, by_point, of_points = of_exposure.ravel(), of_point.ravel(), cofactor.ravel()
+    rows = np.empty(6 * most)
+    by_exposure, by_point = of_exposure.ravel(), of_point.ravel()
+    of_points, by_join = cofactor.ravel(), join_vector.ravel()
     for cell in range(found.shape[0]):
-        first = 3 * cell
+        first, most0, most1, most2 = 3 * cell, 0.0, 0.0, 0.0
         for at in range(cell_start[cell], cell_start[cell + 1]):
             listed[cell_image[at]] = cell
         for at in range(cell_start[cell], cell_start[cell + 1]):
@@ -81,7 +104,7 @@ def largest_effects(
                     continue
                 done[p] = cell
                 # y_p = −N_p⁻¹ Cᵀ y, from all rays of the point.
-                pulled[:] = 0.0
+                pulled = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
                 for own in range(ray_start[p], ray_start[p + 1]):
                     n, seen_in = own - ray_start[p], image[own]
                     if at_hand[seen_in] != cell:
@@ -90,34 +113,28 @@ def largest_effects(
                             for b in range(3):
                                 own_x[18 * seen_in + 3 * a + b] = x[seen_in, a, first + b]
                     for r in range(2):
-                        _row(own, r, seen_in, first, by_exposure, of_border, own_x, border, rows, n)
-                        r0, r1, r2 = _three(rows, 3 * (2 * n + r), 1)
-                        a0, a1, a2 = _three(by_point, 6 * own + 3 * r, 1)
-                        pulled[0] += a0 * r0
-                        pulled[1] += a0 * r1
-                        pulled[2] += a0 * r2
-                        pulled[3] += a1 * r0
-                        pulled[4] += a1 * r1
-                        pulled[5] += a1 * r2
-                        pulled[6] += a2 * r0
-                        pulled[7] += a2 * r1
-                        pulled[8] += a2 * r2
+                        row = _row(own, r, seen_in, first, by_exposure, of_border, own_x, border)
+                        pulled = _with_product(pulled, _three(by_point, 6 * own + 3 * r), row)
+                        at_row = np.uintp(3 * (2 * n + r))
+                        rows[at_row], rows[at_row + np.uintp(1)], rows[at_row + np.uintp(2)] = row
                 for own in range(join_start[p], join_start[p + 1]):
-                    for a in range(3):
-                        for b in range(3):
-                            pulled[3 * a + b] += join_vector[own, a] * border[join_column[own], first + b]
-                for a in range(3):
-                    c0, c1, c2 = _three(of_points, 9 * p + 3 * a, 1)
-                    for b in range(3):
-                        p0, p1, p2 = _three(pulled, b, 3)
-                        y_point[3 * a + b] = -(c0 * p0 + c1 * p1 + c2 * p2)
+                    column = join_column[own]
+                    of_join = border[column, first], border[column, first + 1], border[column, first + 2]
+                    pulled = _with_product(pulled, _three(by_join, 3 * own), of_join)
+                c0, c1, c2 = (
+                    _of_three(_three(of_points, 9 * p), pulled),
+                    _of_three(_three(of_points, 9 * p + 3), pulled),
+                    _of_three(_three(of_points, 9 * p + 6), pulled),
+                )
+                minus_y = c0 + c1 + c2
                 for own in range(ray_start[p], ray_start[p + 1]):
                     if listed[image[own]] != cell:
                         continue
                     for r in range(2):
-                        a0, a1, a2 = _three(by_point, 6 * own + 3 * r, 1)
-                        at_row, error = 3 * (2 * (own - ray_start[p]) + r), detectable[own, r]
-                        for b in range(3):
-                            y0, y1, y2 = _three(y_point, b, 3)
-                            value = rows[np.uintp(at_row + b)] + a0 * y0 + a1 * y1 + a2 * y2
-                            found[cell, b] = max(found[cell, b], abs(value) * error)
+                        y0, y1, y2 = _of_three(_three(by_point, 6 * own + 3 * r), minus_y)
+                        row0, row1, row2 = _three(rows, 3 * (2 * (own - ray_start[p]) + r))
+                        error = detectable[own, r]
+                        most0 = max(most0, abs(row0 - y0) * error)
+                        most1 = max(most1, abs(row1 - y1) * error)
+                        most2 = max(most2, abs(row2 - y2) * error)
+        found[cell, 0], found[cell, 1], found[cell, 2] = most0, most1, most2
