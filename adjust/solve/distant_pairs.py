@@ -19,8 +19,7 @@ import numpy as np
 from adjust.arrays import Floats, Ints
 from adjust.solve import dense_algebra
 from adjust.solve.covisibility import Covisibility
-from adjust.solve.fronts import FactoredFront, Front, HelmertBlocking, scalars
-from adjust.solve.lanes import in_order
+from adjust.solve.fronts import FactoredFront, Front, HelmertBlocking, scalars, six_each
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,28 +56,53 @@ class DistantPairs:
             meeting = np.where(apart, parents[meeting], meeting)
         return cls(block, images, fronts, meeting)
 
-    def lifted(self, fronts: Sequence[Front], factors: Sequence[FactoredFront], threads: int) -> LiftedPairs:
-        """The pairs with the vectors W of all exposures in the fronts where they meet others."""
-        keys = np.stack([self.fronts, self.images, np.stack([self.meeting] * 2, 1)]).reshape(3, -1)
-        front, image, meeting = np.unique(keys, axis=1)
-        vectors: dict[int, list[tuple[Ints, Floats]]] = {}
+    def lifted(self, fronts: Sequence[Front], factors: Sequence[FactoredFront]) -> LiftedPairs:
+        """The pairs with the vectors W of all exposures in the fronts where they meet others.
 
-        def lift(start: int) -> list[tuple[int, Ints, Floats]]:
-            own = front == start
-            return _lifted(fronts, factors, start, image[own], meeting[own])
-
-        for found in in_order(lift, [int(start) for start in np.unique(front)], threads):
-            for wanted, own, vector in found:
-                vectors.setdefault(wanted, []).append((own, vector))
+        All that have come to a front are taken to the next one together, as far as they are wanted.
+        """
+        image, place = np.unique(self.images, return_inverse=True)
+        start, last, column = (np.zeros(len(image), dtype=np.int64) for _ in range(3))
+        place = place.reshape(self.images.shape)
+        start[place] = self.fronts
+        np.maximum.at(last, place, self.meeting[:, None])
+        vectors: dict[int, tuple[Ints, Floats]] = {}
+        arrived: dict[int, list[tuple[Ints, Ints, Floats]]] = {}
+        for index, (front, factor) in enumerate(zip(fronts, factors, strict=True)):
+            own, (q, p) = np.flatnonzero(start == index), factor.below.shape
+            if not len(own) and index not in arrived:
+                continue
+            rows = six_each(np.searchsorted(front.images[: front.own], image[own]))
+            parts = [(own, rows, np.eye(len(rows))), *arrived.pop(index, [])]
+            here = np.concatenate([part[0] for part in parts])
+            load = _side_by_side(p + q, [(rows, part) for _, rows, part in parts])
+            column[here] = np.arange(len(here))
+            wanted = np.unique(place[self.meeting == index])
+            if len(wanted):
+                vectors[index] = image[wanted], np.asfortranarray(load[:, six_each(column[wanted])])
+            left = here[last[here] > index]
+            if len(left):
+                load = np.take(load, six_each(column[left]), axis=1)
+                dense_algebra.solve_lower(factor.lower, load[:p])
+                dense_algebra.subtract_rows(load[p:], factor.below, load[:p])
+                size = sum(factors[front.parent].below.shape)
+                rows = scalars(front.in_parent, size, q - 6 * front.rest)
+                arrived.setdefault(front.parent, []).append((left, rows, load[p:]))
         return LiftedPairs(self, vectors)
 
 
 @dataclass(frozen=True, eq=False)
 class LiftedPairs:
-    """Pairs, and exposures (e,) with their W (s, 6 e) for every front of s unknowns where some meet."""
+    """Pairs with the vectors that they need.
+
+    Attributes
+    ----------
+    pairs : k pairs.
+    vectors : for fronts of s unknowns where some meet, exposures (e,), ascending, with W (s, 6 e).
+    """
 
     pairs: DistantPairs
-    vectors: dict[int, list[tuple[Ints, Floats]]]
+    vectors: dict[int, tuple[Ints, Floats]]
 
     def fill(self, front: int, inverse: Floats, scale: Floats, blocks: Floats) -> None:
         """Write the blocks of the pairs that meet in a front.
@@ -93,12 +117,10 @@ class LiftedPairs:
             return
         here = np.flatnonzero(self.pairs.meeting == front)
         one, other = self.pairs.images[here].T
-        image = np.concatenate([own for own, _ in self.vectors[front]])
-        vectors = np.concatenate([vector for _, vector in self.vectors[front]], axis=1)
-        order = np.argsort(image)
-        of_one, of_other = (order[np.searchsorted(image[order], side)] for side in (one, other))
+        image, vectors = self.vectors[front]
+        of_one, of_other = (np.searchsorted(image, side) for side in (one, other))
         wanted, of_wanted = np.unique(of_other, return_inverse=True)
-        chosen = np.asfortranarray(vectors[:, (6 * wanted[:, None] + np.arange(6)).ravel()])
+        chosen = np.asfortranarray(vectors[:, six_each(wanted)])
         products = np.empty_like(chosen)
         dense_algebra.negative_product(inverse, chosen, products)
         left = vectors.T.reshape(len(image), 6, len(vectors))[of_one]
@@ -107,29 +129,10 @@ class LiftedPairs:
         blocks[self.pairs.block[here]] = np.where((one < other)[:, None, None], found, found.swapaxes(1, 2))
 
 
-def _lifted(
-    fronts: Sequence[Front], factors: Sequence[FactoredFront], start: int, image: Ints, meeting: Ints
-) -> list[tuple[int, Ints, Floats]]:
-    """W of some exposures (e,) of a front, in the fronts (e,) where each is wanted."""
-    every, index = np.unique(image), start
-    front, factor = fronts[start], factors[start]
-    load = np.zeros((sum(factor.below.shape), 6 * len(every)))
-    row = 6 * np.searchsorted(front.images[: front.own], every)[:, None] + np.arange(6)
-    load[row.ravel(), np.arange(6 * len(every))] = 1.0
-    found = []
-    for wanted in np.unique(meeting):
-        while index < wanted:
-            p = factor.below.shape[1]
-            own = load[:p]
-            dense_algebra.solve_lower(factor.lower, own)
-            left = load[p:] - factor.below @ own
-            border = len(left) - 6 * front.rest
-            at, index = front.in_parent, front.parent
-            front, factor = fronts[index], factors[index]
-            size = 6 * (front.own + front.rest) + border
-            load = np.zeros((size, left.shape[1]))
-            load[scalars(at, size, border)] = left
-        own = image[meeting == wanted]
-        columns = (6 * np.searchsorted(every, own)[:, None] + np.arange(6)).ravel()
-        found.append((int(wanted), own, load[:, columns]))
+def _side_by_side(rows: int, parts: Sequence[tuple[Ints, Floats]]) -> Floats:
+    """Columns of parts side by side, each in its rows (k,) of so many; zeros elsewhere."""
+    found, first = np.zeros((rows, sum(part.shape[1] for _, part in parts))), 0
+    for at, part in parts:
+        found[at, first : first + part.shape[1]] = part
+        first += part.shape[1]
     return found

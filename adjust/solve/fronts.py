@@ -227,5 +227,9 @@ def _held(pattern: Covisibility, images: Sequence[Ints], own: Sequence[int]) -> 
 
 def scalars(exposures: Ints, size: int, border: int) -> Ints:
     """Scalar indices of exposures in a front of the given size, and of its system parameters."""
-    six = (6 * exposures[:, None] + np.arange(6)).ravel()
-    return np.concatenate([six, np.arange(size - border, size)])
+    return np.concatenate([six_each(exposures), np.arange(size - border, size)])
+
+
+def six_each(exposures: Ints) -> Ints:
+    """Scalar indices of exposures."""
+    return np.asarray((6 * exposures[:, None] + np.arange(6)).ravel())

@@ -146,9 +146,7 @@ class HelmertFactor:
         n, g = analysis.pattern.events, len(of_border)
         pattern = pattern or analysis.pattern
         held, missing = analysis.placed(pattern)
-        lifted = DistantPairs.of(analysis, pattern, missing).lifted(
-            analysis.fronts, self.factors, self.threads
-        )
+        lifted = DistantPairs.of(analysis, pattern, missing).lifted(analysis.fronts, self.factors)
         blocks = np.empty((len(pattern.column), 6, 6))
         border = np.empty((n, 6, g))
         corner = np.empty((g, g))
