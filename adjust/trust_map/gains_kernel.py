@@ -63,11 +63,9 @@ def scratch(most, width, errors, border):
         np.zeros(12 * most * LANES), np.zeros(2 * most * width * LANES), np.zeros(6 * most * LANES),
         np.zeros(2 * most * errors * LANES), np.zeros(6 * most * LANES), np.zeros(6 * most * LANES),
     )  # fmt: skip
-    # One more: the last cell is looked beyond.
-    of_unknowns = (
-        np.zeros(3 * unknowns * LANES + 1), np.zeros(3 * unknowns * LANES + 1),
-        np.zeros(3 * errors * LANES + 1), np.zeros(3 * errors * LANES + 1),
-    )  # fmt: skip
+    # Up to whole sixes, and one more: the last cell is looked beyond.
+    of_all, of_errors = 3 * (unknowns + 5) * LANES + 1, 3 * (errors + 5) * LANES + 1
+    of_unknowns = np.zeros(of_all), np.zeros(of_all), np.zeros(of_errors), np.zeros(of_errors)
     of_cells = (
         np.zeros(ROWS_OF_CELL * LANES), np.zeros(3 * LANES), np.zeros(12 * LANES),
         np.zeros(ROWS_OF_SLOPE * LANES), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64),

@@ -8,6 +8,15 @@ import numpy as np
 from adjust.compiled import kernel, small_kernel
 from adjust.trust_map.lane_kernel import LANES, add_product, add_six_rows, clear
 
+# Unknowns whose products are added up before they are added to those of others: as many as an image has.
+_SIX = 6
+
+
+@small_kernel
+def whole_sixes(count):
+    """The next multiple of six."""
+    return _SIX * (-(-count // _SIX))
+
 
 @small_kernel
 def weigh(f, o, gain, g, values, v, m):
@@ -31,10 +40,13 @@ def add_weighed(f, o, gain, g, values, v, m):
 
 @kernel
 def of_unknowns(k, m, d, place, gain, of_exposure, of_system, errors, of_known, f, of_errors):
-    """Fill f (d, 3, m) with G B by z of m cells, and of_errors (q, 3, m) by considered errors."""
+    """Fill f (d, 3, m) with G B by z of m cells, and of_errors (q, 3, m) by considered errors.
+
+    Behind both stand zeros, up to whole sixes.
+    """
     width = place.shape[1]
-    clear(f, 18 * k * m, 3 * (d - 6 * k) * m)
-    clear(of_errors, 0, 3 * errors * m)
+    clear(f, 18 * k * m, 3 * (whole_sixes(d) - 6 * k) * m)
+    clear(of_errors, 0, 3 * whole_sixes(errors) * m)
     for a in range(k):
         for c in range(3):
             g = (6 * a + c) * LANES
@@ -49,23 +61,47 @@ def of_unknowns(k, m, d, place, gain, of_exposure, of_system, errors, of_known, 
                 add_weighed(of_errors, (3 * q + c) * m, gain, g, of_known, 2 * (errors * a + q) * LANES, m)
 
 
+@small_kernel
+def _three_rows(values, at, m):
+    """Three rows of m numbers that follow each other."""
+    return values[np.uintp(at)], values[np.uintp(at + m)], values[np.uintp(at + 2 * m)]
+
+
+@kernel
+def _add_covariances(m, d, f, movement, of_cell, first):
+    """Add F Q Fᵀ to six rows; of whole sixes of unknowns, so that their sums stay in registers."""
+    for i in range(whole_sixes(d) // _SIX):
+        for n in range(m):
+            xu, xv, xw, yv, yw, zw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for q in range(_SIX):
+                own = 3 * m * (_SIX * i + q) + n
+                x, y, z = _three_rows(f, own, m)
+                u, v, w = _three_rows(movement, own, m)
+                xu, xv, xw = xu + x * u, xv + x * v, xw + x * w
+                yv, yw, zw = yv + y * v, yw + y * w, zw + z * w
+            add_six_rows(of_cell, first * LANES + n, xu, xv, xw, yv, yw, zw)
+
+
 @kernel
 def covariances(m, d, f, movement, errors, of_errors, of_cell, first):
     """Fill six rows of of_cell with F Q Fᵀ, with what considered errors add; movement (d, 3, m) is Q Fᵀ."""
     clear(of_cell, first * LANES, 6 * LANES)
-    for i in range(d):
-        own = 3 * m * i
-        for n in range(m):
-            x, y, z = f[np.uintp(own + n)], f[np.uintp(own + m + n)], f[np.uintp(own + 2 * m + n)]
-            u = movement[np.uintp(own + n)]
-            v, w = movement[np.uintp(own + m + n)], movement[np.uintp(own + 2 * m + n)]
-            add_six_rows(of_cell, first * LANES + n, x * u, x * v, x * w, y * v, y * w, z * w)
-    for i in range(errors):
-        own = 3 * m * i
-        for n in range(m):
-            x, y = of_errors[np.uintp(own + n)], of_errors[np.uintp(own + m + n)]
-            z = of_errors[np.uintp(own + 2 * m + n)]
-            add_six_rows(of_cell, first * LANES + n, x * x, x * y, x * z, y * y, y * z, z * z)
+    _add_covariances(m, d, f, movement, of_cell, first)
+    _add_covariances(m, errors, of_errors, of_errors, of_cell, first)
+
+
+@kernel
+def _add_differences(m, d, f, movement, total):
+    """Add the variances of F of a cell less that of the next one, of whole sixes of unknowns."""
+    for i in range(whole_sixes(d) // _SIX):
+        for c in range(3):
+            for n in range(m):
+                value = 0.0
+                for q in range(_SIX):
+                    at = np.uintp((3 * (_SIX * i + q) + c) * m + n)
+                    following = at + np.uintp(1)
+                    value += (f[at] - f[following]) * (movement[at] - movement[following])
+                total[np.uintp(c * LANES + n)] += value
 
 
 @kernel
@@ -76,18 +112,8 @@ def variances_of_differences(m, d, f, movement, errors, of_errors, total):
     has no next one: what it gets has no meaning.
     """
     clear(total, 0, 3 * LANES)
-    for i in range(d):
-        for c in range(3):
-            own, o = (3 * i + c) * m, c * LANES
-            for n in range(m):
-                at, following = np.uintp(own + n), np.uintp(own + n + 1)
-                total[np.uintp(o + n)] += (f[at] - f[following]) * (movement[at] - movement[following])
-    for i in range(errors):
-        for c in range(3):
-            own, o = (3 * i + c) * m, c * LANES
-            for n in range(m):
-                difference = of_errors[np.uintp(own + n)] - of_errors[np.uintp(own + n + 1)]
-                total[np.uintp(o + n)] += difference * difference
+    _add_differences(m, d, f, movement, total)
+    _add_differences(m, errors, of_errors, of_errors, total)
 
 
 @kernel
