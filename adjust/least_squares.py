@@ -97,7 +97,7 @@ class Adjuster:
         if may_stall is None:
             may_stall = self.options.critical_value is not None
         solution = iterate(system, state, self.options.most_iterations, self.progress, may_stall, near)
-        return _with_quality(system, solution, ())
+        return self._with_quality(system, solution, ())
 
     def again(self, before: Adjusted, observations: Observations, state: State | None = None) -> Adjusted:
         """Adjust other observations of the same block, from the previous values or from a given state."""
@@ -170,11 +170,13 @@ class Adjuster:
 
     def completed(self, before: Adjusted, solution: Solution) -> Adjusted:
         """With the solution of ``values_to_the_end``."""
-        return _with_quality(before.system, solution, before.history)
+        return self._with_quality(before.system, solution, before.history)
 
-
-def _with_quality(system: System, solution: Solution, history: tuple[tuple[Iteration, ...], ...]) -> Adjusted:
-    """A solution with its cofactors and residuals; history is that of the adjustments before it."""
-    quality = replace(cofactor(system, solution), considered=considered_errors(system, solution))
-    residuals = group_residuals(system, solution.state, quality)
-    return Adjusted(system, solution, quality, residuals, (*history, solution.iterations))
+    def _with_quality(
+        self, system: System, solution: Solution, history: tuple[tuple[Iteration, ...], ...]
+    ) -> Adjusted:
+        """A solution with its cofactors and residuals; history is that of the adjustments before it."""
+        found = cofactor(system, solution, self.options.new_points)
+        quality = replace(found, considered=considered_errors(system, solution))
+        residuals = group_residuals(system, solution.state, quality)
+        return Adjusted(system, solution, quality, residuals, (*history, solution.iterations))

@@ -42,6 +42,8 @@ class AdjustmentOptions:
         it. None: no such check.
     joint_points : ascending indices of the object points whose joint cofactors are requested, some hundred
         at most; unused points are omitted.
+    new_points : whether accuracies of new points will be asked for: the inverse of the normal equations is
+        kept for them, if it is not too large.
     correlation_times : whether the correlation times of groups with correlated errors are estimated.
     free_network : unknowns whose approximate values fix the part of the datum that the observations do not
         determine (inner constraints); None: an undetermined datum is an error.
@@ -59,6 +61,7 @@ class AdjustmentOptions:
     divisions: tuple[Division, ...] = ()
     control_folds: int | None = None
     joint_points: tuple[int, ...] = ()
+    new_points: bool = False
     correlation_times: bool = False
     free_network: InnerConstraints | None = None
     threads: int = field(default_factory=available_threads)

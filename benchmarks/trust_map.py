@@ -61,7 +61,7 @@ def main(file: str) -> None:
     """Measure the problem in a file and print what :class:`Record` wants to know."""
     keep_freed_memory()  # as every process of aerocal
     block, observations = block_of(Problem.read(Path(file)))
-    options = AdjustmentOptions(threads=available_threads())
+    options = AdjustmentOptions(new_points=True, threads=available_threads())
     seconds: dict[str, float] = {}
 
     def timed(name: str, work: Callable[[], _Result]) -> _Result:

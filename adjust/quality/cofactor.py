@@ -55,9 +55,9 @@ class Cofactor:
         return replace(self, reduced=parameters)
 
 
-def cofactor(system: System, solution: Solution) -> Cofactor:
-    """Cofactors at the solution, marginal for every unknown and every image point."""
-    return with_points(system, solution, solution.factorization.cofactor())
+def cofactor(system: System, solution: Solution, keep: bool = False) -> Cofactor:
+    """Cofactors at the solution, marginal for every unknown and every image point; keep as of the factor."""
+    return with_points(system, solution, solution.factorization.cofactor(keep=keep))
 
 
 def with_points(system: System, solution: Solution, reduced: ReducedCofactor) -> Cofactor:

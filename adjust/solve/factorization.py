@@ -88,11 +88,11 @@ class Factorization:
         """Increments (n, 6) of the exposures and (g,) of the system parameters."""
         return self.factor.solve(self.normals.rhs_exposure, self.normals.rhs_border)
 
-    def cofactor(self, pattern: Covisibility | None = None) -> ReducedCofactor:
-        """Blocks of the inverse on a pattern; None: that of the matrix."""
+    def cofactor(self, pattern: Covisibility | None = None, keep: bool = False) -> ReducedCofactor:
+        """Blocks of the inverse on a pattern; None: that of the matrix. keep as of the factor."""
         return ReducedCofactor(
             pattern or self.normals.pattern,
-            *self.factor.inverse(pattern),
+            *self.factor.inverse(pattern, keep),
             self.factor.border_normal(),
             np.diagonal(self.normals.corner).copy(),
         )

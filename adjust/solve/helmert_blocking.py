@@ -17,7 +17,7 @@ summed in the same order, so the result does not depend on the number of threads
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import EllipsisType
 
 import numpy as np
@@ -28,6 +28,9 @@ from adjust.solve.covisibility import Covisibility
 from adjust.solve.distant_pairs import DistantPairs
 from adjust.solve.fronts import FactoredFront, Front, HelmertBlocking, scalars
 from adjust.solve.lanes import in_any_order
+
+# Bytes of the inverse that are kept at most: those of some ten thousand images.
+_MOST_KEPT = 2**29
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,7 @@ class HelmertFactor:
     factors : of every front.
     scale_exposure, scale_border : the diagonal matrix D, (n, 6) and (g,).
     threads : how many fronts are worked on at once.
+    kept : the columns of the inverse of every front that belong to its own unknowns, if they are kept.
     """
 
     analysis: HelmertBlocking
@@ -47,6 +51,7 @@ class HelmertFactor:
     scale_exposure: Floats
     scale_border: Floats
     threads: int
+    kept: dict[int, Floats] = field(default_factory=dict, repr=False)
 
     @property
     def smallest_pivot(self) -> float:
@@ -109,7 +114,8 @@ class HelmertFactor:
         x = np.zeros((6 * len(rhs) + g, *many))
         x[len(x) - g :] = _over(self.scale_border, many) * rhs_border
         # Most right-hand sides of a place are zero, and elimination reaches few fronts.
-        reached = np.append(np.repeat(rhs.any(axis=tuple(range(1, rhs.ndim)))[order], 6), np.ones(g, bool))
+        reached = np.ones(len(x), dtype=bool)
+        reached[: 6 * len(rhs)] = np.repeat((rhs != 0.0).any(axis=tuple(range(1, rhs.ndim)))[order], 6)
         for front, (own, rest), factor in zip(
             self.analysis.fronts, self.analysis.rows(g), self.factors, strict=True
         ):
@@ -135,13 +141,18 @@ class HelmertFactor:
         """Normal matrix (g, g) of the system parameters, exposures eliminated: N = L_gg L_ggᵀ without D."""
         return np.asarray(self._last @ self._last.T / (self.scale_border[:, None] * self.scale_border))
 
-    def inverse(self, pattern: Covisibility | None = None) -> tuple[Floats, Floats, Floats]:
+    def inverse(
+        self, pattern: Covisibility | None = None, keep: bool = False
+    ) -> tuple[Floats, Floats, Floats]:
         """Blocks of S⁻¹: (blocks, 6, 6) on a pattern, (n, 6, g) border, (g, g) corner.
 
         Parameters
         ----------
         pattern : which blocks are wanted, diagonal first; None: those of the normal equations.
+        keep : keep what serves other patterns, too, as long as it is not too large; it takes as much memory
+            as the factor.
         """
+        keep = keep and sum(item.lower.nbytes + item.below.nbytes for item in self.factors) <= _MOST_KEPT
         analysis, scale, of_border = self.analysis, self.scale_exposure, self.scale_border
         n, g = analysis.pattern.events, len(of_border)
         pattern = pattern or analysis.pattern
@@ -155,7 +166,9 @@ class HelmertFactor:
         def invert(index: int) -> Floats:
             front, factor = analysis.fronts[index], self.factors[index]
             known = None if front.parent < 0 else inverses[front.parent]
-            z = _front_inverse(front, factor, known, g)
+            z = _front_inverse(front, factor, known, g, self.kept.get(index))
+            if keep:
+                self.kept[index] = z[:, : factor.lower.shape[1]].copy(order="F")
             at = held[index]
             front_kernel.disassemble(
                 z.T, at.blocks, at.lower, at.upper, at.transposed, front.images, scale, blocks
@@ -196,14 +209,23 @@ def _columns_in_use(rows: Floats) -> slice | EllipsisType:
     return slice(used[0], used[-1] + 1) if len(used) else slice(0)
 
 
-def _front_inverse(front: Front, factor: FactoredFront, known: Floats | None, border: int) -> Floats:
-    """Lower triangle of the inverse of the whole matrix on the unknowns of a front, from its parent's."""
+def _front_inverse(
+    front: Front, factor: FactoredFront, known: Floats | None, border: int, kept: Floats | None
+) -> Floats:
+    """Lower triangle of the inverse of the whole matrix on the unknowns of a front, from its parent's.
+
+    kept (p + q, p) are its first columns, if they are known.
+    """
     p, q = factor.lower.shape[0], factor.below.shape[0]
     inverse = np.empty((p + q, p + q), order="F")
     square, side, rest = inverse[:p, :p], inverse[p:, :p], inverse[p:, p:]
-    dense_algebra.invert_square(factor.lower, square)
     if known is not None and q > 0:
         front_kernel.gather(known.T, scalars(front.in_parent, known.shape[0], border), inverse.T, p)
+    if kept is not None:
+        inverse[:, :p] = kept
+        return inverse
+    dense_algebra.invert_square(factor.lower, square)
+    if known is not None and q > 0:
         # G = M L⁻¹; with it Z21 = −Z22 G and Z11 = (L Lᵀ)⁻¹ − Gᵀ Z21.
         gain = dense_algebra.times_inverse(factor.below, factor.lower)
         dense_algebra.negative_product(rest, gain, side)

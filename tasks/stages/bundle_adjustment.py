@@ -97,7 +97,7 @@ def write_adjusted_bundle(
         read_table(approximate_orientations),
     )
     prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
-    estimated = _estimated(prepared, adjustment)
+    estimated = _estimated(prepared, adjustment, trust_map is not None)
     notes = _written(folder, prepared, estimated, adjustment)
     write_neighbouring_images(folder, estimated.adjusted, delivered.exposures)
     if trust_map is not None:
@@ -117,10 +117,11 @@ class _Estimated:
     grids: BlockGrids
 
 
-def _estimated(prepared: AssembledBlock, settings: AdjustmentSettings) -> _Estimated:
+def _estimated(prepared: AssembledBlock, settings: AdjustmentSettings, new_points: bool) -> _Estimated:
     options = replace(
         _options(settings),
         joint_points=tested_points(prepared.block, prepared.surveyed),
+        new_points=new_points,
         divisions=prepared.divisions,
     )
     try:

@@ -46,10 +46,12 @@ def test_a_front_is_inverted_in_place_of_its_parts(p: int, q: int) -> None:
     np.testing.assert_allclose(np.tril(inverse), np.tril(expected), rtol=1e-10, atol=1e-14)
 
 
-def test_triangular_systems_are_solved_both_ways() -> None:
-    columns = positive(9)
+@pytest.mark.parametrize("right", [(), (1,), (7,)])
+@pytest.mark.parametrize("size", [1, 9, 65, 150])
+def test_triangular_systems_are_solved_both_ways(size: int, right: tuple[int, ...]) -> None:
+    columns = positive(size)
     assert dense_algebra.factorize_columns(columns)
-    lower, x = np.tril(columns), np.arange(1.0, 10.0)
+    lower, x = np.tril(columns), np.random.default_rng(5).normal(size=(size, *right))
     forward, backward = x.copy(), x.copy()
     dense_algebra.solve_lower(columns, forward)
     dense_algebra.solve_lower_transposed(columns, backward)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adjust.solve import dense_algebra, helmert_blocking
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.dissection import dissect
 from adjust.solve.fronts import HelmertBlocking
@@ -65,6 +66,13 @@ def check(
     many = np.random.default_rng(3).normal(size=(6 * n + border, 4))
     many[: 6 * n // 2, 1] = 0.0  # does not reach every front
     solved = np.linalg.solve(matrix, many)
+    alone = np.zeros((6 * n + border, 3))
+    alone[:6, 1:] = many[:6, :2]  # reaches few fronts
+    for right in (many, alone):
+        exposures, parameters = factor.solve(right[: 6 * n].reshape(n, 6, -1), right[6 * n :])
+        expected = np.linalg.solve(matrix, right)
+        found = np.concatenate([exposures.reshape(6 * n, -1), parameters])
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     products, of_border = factor.products(many[: 6 * n].reshape(n, 6, 4).copy(), many[6 * n :])
     np.testing.assert_allclose(products, many.T @ solved, rtol=1e-10, atol=1e-13)
     np.testing.assert_allclose(of_border, solved[6 * n :], rtol=1e-9, atol=1e-12)
@@ -174,6 +182,31 @@ def test_the_number_of_threads_does_not_change_a_bit() -> None:
         of_all = factor.inverse(pattern_of(np.ones((200, 200), dtype=bool)))
         results.append(b"".join(part.tobytes() for part in (*factor.inverse(), *of_all)))
     assert results[0] == results[1] == results[2]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_inverse_that_is_kept_gives_other_blocks_as_the_factor_does(
+    threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pattern, position = flight(10, 20, 2)
+    blocks, of_border, corner, _ = positive_matrix(pattern, 5, seed=3)
+    analysis = HelmertBlocking.of(pattern, position, 10)
+    factor = factorize_blocks(
+        analysis, blocks, of_border, corner, np.ones((pattern.events, 6)), np.ones(5), threads
+    )
+    assert factor is not None
+    wider = pattern_of(np.ones((200, 200), dtype=bool))
+    expected = b"".join(part.tobytes() for part in factor.inverse(wider))
+    with monkeypatch.context() as patched:
+        patched.setattr(helmert_blocking, "_MOST_KEPT", 1_000)
+        factor.inverse(keep=True)
+    assert not factor.kept
+    factor.inverse(keep=True)
+    assert sorted(factor.kept) == list(range(len(analysis.fronts)))
+    with monkeypatch.context() as patched:
+        patched.setattr(dense_algebra, "invert_square", None)  # no front is inverted once more
+        found = b"".join(part.tobytes() for part in factor.inverse(wider))
+    assert found == expected
 
 
 def test_a_matrix_that_is_not_positive_definite_has_no_factor() -> None:
