@@ -176,7 +176,8 @@ class Adjuster:
         self, system: System, solution: Solution, history: tuple[tuple[Iteration, ...], ...]
     ) -> Adjusted:
         """A solution with its cofactors and residuals; history is that of the adjustments before it."""
-        found = cofactor(system, solution, self.options.new_points)
+        # Of a stalled solution nothing is handed on.
+        found = cofactor(system, solution, self.options.new_points and not solution.stalled)
         quality = replace(found, considered=considered_errors(system, solution))
         residuals = group_residuals(system, solution.state, quality)
         return Adjusted(system, solution, quality, residuals, (*history, solution.iterations))
