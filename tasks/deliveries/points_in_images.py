@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tasks.deliveries.measured_points import MeasuredPoints, Rows, RowsByNumber, blocks, counted, ranges
 from tasks.deliveries.neighbouring_images import SharedPoints
 from tasks.deliveries.source_rows import given_twice
+from tasks.files.in_turn import in_turn
 
 # Image coordinates that differ by less are the same, mm.
 _SAME_MM = 1e-6
@@ -103,15 +104,20 @@ def look_through(measured: MeasuredPoints, exposures: pd.DataFrame) -> tuple[str
         _refuse_rows_again(measured, *_again_by_table(measured))
     shared = SharedPoints(exposures)
     copied = CopiedImages(measured)
-    twice = False
-    for rows, key in _by_point(measured, shared):
+
+    def examined(part: tuple[Rows, NDArray[np.int64]]) -> bool:
+        """Whether a point is twice in an image; if not, its rows are counted."""
+        rows, key = part
         key.sort()
         step = np.diff(key)
-        twice = twice or bool((step == 0).any())
-        if not twice:
-            shared.count(key[:-1][step == 1] % shared.modulus)
-            copied.look_at(rows)
-    if twice:
+        if (step == 0).any():
+            return True
+        shared.count(key[:-1][step == 1] % shared.modulus)
+        copied.look_at(rows)
+        return False
+
+    # While the rows of some points are examined, those of the next ones are found.
+    if any(in_turn(examined, _by_point(measured, shared), threads=1)):
         _refuse_duplicates(measured, shared)
     copied.refuse()
     return shared.remarks(counted(measured.image, len(measured.images)) > 0)

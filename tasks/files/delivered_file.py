@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from tasks.errors import InputError
+from tasks.files.in_turn import in_turn
 from tasks.files.installation import InstallationError
 
 #: What a file is: one of rows, one that is read as a whole, or one that people write.
@@ -167,17 +168,26 @@ def pieces_of_delivered(path: Path, kind: Kind, size: int) -> Iterator[bytes]:
     """
     digest = hashlib.sha256()
     keyed = (_DIGESTS.get() or {}).get(path)
+
+    def digested(piece: bytes) -> bytes:
+        digest.update(piece)
+        return piece
+
     with opened(path, kind) as stream:
-        left = os.fstat(stream.fileno()).st_size
-        while piece := stream.read(size):
-            left -= len(piece)
-            if left < 0:
-                raise _grows(path)
-            if keyed is not None:
-                digest.update(piece)
-            yield piece
+        pieces = _pieces(stream, path, size)
+        # While a piece is used, the digest of the next one is made.
+        yield from pieces if keyed is None else in_turn(digested, pieces, threads=1)
     if keyed is not None and digest.hexdigest() != keyed:
         raise changed(path)
+
+
+def _pieces(stream: BufferedReader, path: Path, size: int) -> Iterator[bytes]:
+    left = os.fstat(stream.fileno()).st_size
+    while piece := stream.read(size):
+        left -= len(piece)
+        if left < 0:
+            raise _grows(path)
+        yield piece
 
 
 def _grows(path: Path) -> InputError:

@@ -114,7 +114,9 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
         table = pa.csv.read_csv(
             pa.py_buffer(content),
             # As one block, so that no names are looked up again to join those of several.
-            pa.csv.ReadOptions(column_names=list(layout.names), block_size=len(content) + 1),
+            pa.csv.ReadOptions(
+                use_threads=False, column_names=list(layout.names), block_size=len(content) + 1
+            ),
             pa.csv.ParseOptions(delimiter=MARKS[layout.separator], quote_char=layout.quote),
             pa.csv.ConvertOptions(
                 column_types=types,

@@ -7,9 +7,11 @@ once, with a number for each row, so that a table takes less memory than its fil
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -18,11 +20,12 @@ from numpy.typing import NDArray
 
 from tasks.errors import InputError
 from tasks.files.delivered_file import Kind, changed, read_delivered
+from tasks.files.in_turn import in_turn
 from tasks.formats.joined_names import joined_names, room_of_names
 from tasks.formats.records import Lines
 from tasks.formats.table_layout import MARKS
 from tasks.formats.text_lines import DeliveredLines, line_feeds
-from tasks.formats.text_rows import Layout, rows_of
+from tasks.formats.text_rows import Layout, Rows, rows_of
 from tasks.magnitude import HUGE
 from tasks.plain_text import LONGEST_NAME, quoted, trouble_in
 
@@ -69,10 +72,20 @@ def _decimals(line: bytes, layout: Layout) -> int:
 _MANY = 100_000
 # Bytes that a number takes, and a name or line.
 _NUMBER, _CODE = 8, 4
+# Pieces of a file that are taken apart at the same time, while the next one is read.
+_THREADS = 2
 # In 32 bits, with those of the last piece.
 _MOST_LINES = 2**31 - 2**27
 # The columns of a table may take twice the size of its file, and so many bytes.
 _BESIDES = 150_000_000
+
+
+class _Numbered(NamedTuple):
+    """Rows of a file, what stands before them, and the line in which they start."""
+
+    content: bytes
+    before: bytes
+    first_line: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -261,22 +274,19 @@ def read_table_text(
     values = np.empty((most_rows, len(layout.numeric)))
     texts: list[list[pa.DictionaryArray]] = [[] for _ in layout.texts]
     lines: list[tuple[int, NDArray[np.int32] | range]] = []
-    count, before = 0, b""
-    for piece in pieces:
-        refuse_short_last_number(before, piece, layout, first_line)
-        before = piece
-        rows = rows_of(piece, layout, first_line)
+    count = 0
+    for line, rows in in_turn(partial(_taken_apart, layout), _numbered(pieces, first_line), _THREADS):
         end = count + len(rows.values)
         if end > most_rows:
             # More than there were when they were counted.
             raise changed(layout.file)
         values[count:end] = rows.values
-        lines.append((first_line, range(end - count) if rows.line is None else rows.line))
+        lines.append((line, range(end - count) if rows.line is None else rows.line))
         for own, column in zip(texts, rows.texts, strict=True):
             own.append(column)
             size += room_of_names(column.dictionary)
         _refuse_larger(size, most_bytes, most_rows, layout.file)
-        count, first_line = end, first_line + (line_feeds(piece) if rows.line is not None else end - count)
+        count = end
     if count == 0:
         raise InputError(
             "The file has no rows.", "Deliver it again, or remove it from the project file.", file=layout.file
@@ -284,6 +294,19 @@ def read_table_text(
     # Column by column, so that no two are in memory twice.
     columns = {name: joined_names(texts.pop(0)) for name in layout.texts}
     return TextTable(layout, _joined_lines(lines, count), columns, values[:count])
+
+
+def _numbered(pieces: Iterable[bytes], first_line: int) -> Iterator[_Numbered]:
+    before = b""
+    for piece in pieces:
+        yield _Numbered(piece, before[-_TAIL:], first_line)
+        before, first_line = piece, first_line + line_feeds(piece)
+
+
+def _taken_apart(layout: Layout, piece: _Numbered) -> tuple[int, Rows]:
+    """Line in which a piece starts, and its rows."""
+    refuse_short_last_number(piece.before, piece.content, layout, piece.first_line)
+    return piece.first_line, rows_of(piece.content, layout, piece.first_line)
 
 
 def _refuse_larger(size: float, most_bytes: float, rows: int, file: Path) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,6 +20,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tasks.coordinates.crs import MapFrame
+from tasks.files.in_turn import in_turn
 from tasks.files.installation import InstallationError
 from tasks.files.json_text import from_json
 from tasks.store.artifact import Artifact, verified
@@ -127,25 +127,21 @@ def _write(
     if schema.coordinates and frame is not None:
         fields = fields.append(pa.field(GEOMETRY, pa.binary()))
         metadata[b"geo"] = json.dumps(description(frame, box), sort_keys=True).encode()
-    rows = 0
     # Numbers hardly ever repeat: dictionaries of them take most of the time, and a fifth of the space.
     texts = [field.name for field in fields if pa.types.is_string(field.type)]
     with pq.ParquetWriter(
         path, fields.with_metadata(metadata), compression="zstd", use_dictionary=texts
     ) as writer:
+
+        def write(group: pa.Table) -> int:
+            writer.write_table(group.replace_schema_metadata(metadata), row_group_size=ROW_GROUP)
+            return len(group)
+
+        groups = _row_groups(tables)
+        if schema.coordinates:
+            groups = (with_geometry(group, schema) for group in groups)
         # While a group is encoded and compressed, the next one is made.
-        with ThreadPoolExecutor(1) as beside:
-            written: Future[None] | None = None
-            for group in _row_groups(tables):
-                rows += len(group)
-                complete = with_geometry(group, schema) if schema.coordinates else group
-                if written is not None:
-                    written.result()
-                written = beside.submit(
-                    writer.write_table, complete.replace_schema_metadata(metadata), row_group_size=ROW_GROUP
-                )
-            if written is not None:
-                written.result()
+        rows = sum(in_turn(write, groups, threads=1))
         if rows == 0:
             # Not every reader takes a file without any row group.
             writer.write_table(writer.schema.empty_table())
