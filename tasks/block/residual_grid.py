@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from adjust.adjustment import adjust_block
-from adjust.arrays import Bools, Floats
 from adjust.block import Block
 from adjust.camera.additional.calibration_axes import calibration_from_image
 from adjust.camera.interior import FrameCamera
@@ -57,14 +56,12 @@ class BlockGrids:
     result : of the adjustment with all corrections.
     grids : mean residuals that are left.
     fields : corrections of the image coordinates; None where there are none.
-    autocorrelations : of the residuals that are left.
     iteration : how the corrections were found; None where they were not iterated.
     """
 
     result: AdjustmentResult
     grids: tuple[ResidualGrid | None, ...]
     fields: Fields
-    autocorrelations: tuple[Autocorrelation | None, ...]
     iteration: GridIteration | None
 
 
@@ -127,8 +124,7 @@ def block_grids(
             raise NotComputableError(f"With corrections by mean residuals: {error}") from error
     residual, chosen = result.groups[0].residual, controlled(result.groups[0])
     grids = residual_grids(cells, block.camera_of_image, rays.image, rays.xy, residual, chosen)
-    correlations = _autocorrelations(block, rays, residual, chosen)
-    return BlockGrids(result, grids, fields, correlations, iteration)
+    return BlockGrids(result, grids, fields, iteration)
 
 
 def _image_points(rays: ImagePoints, block: Block) -> np.ndarray:
@@ -211,9 +207,11 @@ def _iterated(
     return found
 
 
-def _autocorrelations(
-    block: Block, rays: ImagePoints, residual: Floats, chosen: Bools
+def autocorrelations(
+    block: Block, rays: ImagePoints, result: AdjustmentResult
 ) -> tuple[Autocorrelation | None, ...]:
+    """Correlation of the residuals of each camera by the distance of image points; None without images."""
+    residual, chosen = result.groups[0].residual, controlled(result.groups[0])
     camera = block.camera_of_image[rays.image]
     found = []
     for number in range(len(block.cameras)):

@@ -8,12 +8,15 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.block import Block
 from adjust.camera.interior import FrameCamera
+from adjust.observations.image_point import ImagePoints
 from adjust.residual_grid.autocorrelation import Autocorrelation
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.iteration import GridIteration
 from adjust.residual_grid.residual_grid import ResidualGrid
-from tasks.block.residual_grid import BlockGrids
+from adjust.result import AdjustmentResult
+from tasks.block.residual_grid import BlockGrids, autocorrelations
 from tasks.files.json_text import JSON
 from tasks.results.figures import (
     CameraGridFigure,
@@ -29,11 +32,13 @@ _MM = 1e-3
 _UM = 1e-6
 
 
-def write_residual_autocorrelation(folder: Path, cameras: tuple[FrameCamera, ...], grids: BlockGrids) -> None:
+def write_residual_autocorrelation(
+    folder: Path, block: Block, rays: ImagePoints, result: AdjustmentResult
+) -> None:
     """residual_autocorrelation.parquet: of the residuals of an image, by the distance of its points."""
     parts = [
         _rows(camera.name, component, name, own)
-        for camera, own in zip(cameras, grids.autocorrelations, strict=True)
+        for camera, own in zip(block.cameras, autocorrelations(block, rays, result), strict=True)
         if own is not None
         for component, name in enumerate("xy")
     ]

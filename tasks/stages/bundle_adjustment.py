@@ -156,11 +156,14 @@ def _written(
     """Write the tables; returns the figures, and what looks wrong with the lever arms."""
     adjusted, selection, grids = estimated.adjusted, estimated.selection, estimated.grids
     cameras = adjusted.block.cameras
+    rays = prepared.observations.image_points
     # The large tables are written next to the tests of the model, which leave a processor half of the time.
     with ThreadPoolExecutor(1) as beside:
         written = [
-            beside.submit(write, folder, adjusted)
-            for write in (write_residuals, write_object_points, write_exterior_orientations)
+            beside.submit(write_residuals, folder, adjusted),
+            beside.submit(write_residual_autocorrelation, folder, adjusted.block, rays, adjusted.result),
+            beside.submit(write_object_points, folder, adjusted),
+            beside.submit(write_exterior_orientations, folder, adjusted),
         ]
         examined = _examined_model(prepared, adjusted, settings)
         for table in written:
@@ -177,7 +180,6 @@ def _written(
     write_parameter_influences(folder, adjusted, _options(settings))
     write_model_alternatives(folder, examined)
     write_residual_grid(folder, cameras, grids.grids, grids.fields, settings.confidence)
-    write_residual_autocorrelation(folder, cameras, grids)
     slips = lever_arm_suspicions(*prepared.lever_arms, adjusted.block, adjusted.result)
     contradictions = contradictions_of(adjusted, prepared.known)
     checked = check_point_test(adjusted, settings.confidence)
