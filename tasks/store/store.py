@@ -32,7 +32,13 @@ from typing import Concatenate, ParamSpec, cast
 from tasks.files.delivered_file import keyed_by
 from tasks.files.installation import writing_into
 from tasks.files.json_text import JSON, read_json, replace_json
-from tasks.store.artifact import Artifact, artifact_names, artifact_of, digest_of_file
+from tasks.store.artifact import (
+    Artifact,
+    artifact_names,
+    artifact_of,
+    digest_of_unchanged,
+    forget_digests,
+)
 from tasks.store.remote import Remote
 from tasks.store.stage_key import InputFile, StageKey, differences, input_files, stage_key
 from tasks.store.stage_record import StageRecord, clear_records, keep_record, utc_now
@@ -76,6 +82,7 @@ class Store:
         InstallationError
             If the folder cannot be written, or the remote side cannot be reached.
         """
+        forget_digests()
         if self.remote is not None:
             self.remote.require_access()
         with writing_into(self.folder):
@@ -289,7 +296,7 @@ def _checked_outputs(place: Path) -> Outputs:
         if path.parent != place or path.is_symlink():
             raise ValueError(f"{path} is not a file of this output")
         sha256, rows = str(entry["sha256"]), cast("int | None", entry["rows"])
-        if digest_of_file(path) != sha256:
+        if digest_of_unchanged(path) != sha256:
             raise ValueError(f"{path.name} was changed after it had been written")
         name = names[path.name]
         outputs[name] = Artifact(name, path, sha256, rows)

@@ -15,6 +15,7 @@ from adjust.residual_grid.residual_grid import LEAST_REDUNDANCY
 from tasks.block.strip_names import strip_names
 from tasks.deliveries.cameras import frame_cameras
 from tasks.documents.report.surveyed_differences import with_ratios
+from tasks.files.in_turn import in_turn
 from tasks.results.figures import AdjustmentFigures, figures_of
 from tasks.results.summary import Summary, summary_of
 from tasks.settings.project import Project
@@ -192,24 +193,27 @@ def read_material(stages: Sequence[Mapping[str, Artifact]], project: Project) ->
     stages : the outputs of all stages by name, in the order in which they ran.
     """
     tables = {name: artifact for outputs in stages for name, artifact in outputs.items()}
-    read = {
-        name: read_table(tables[name], categories=name in _LONG, columns=_LONG.get(name))
-        for name in (
-            "images",
-            "image_points",
-            "control_points",
-            "object_points",
-            "residuals",
-            "parameters",
-            "correlations",
-            "control_residuals",
-            "check_points",
-            "distance_residuals",
-            "model_alternatives",
-            "residual_grid",
-            "residual_autocorrelation",
-        )
-    }
+    names = (
+        "images",
+        "image_points",
+        "control_points",
+        "object_points",
+        "residuals",
+        "parameters",
+        "correlations",
+        "control_residuals",
+        "check_points",
+        "distance_residuals",
+        "model_alternatives",
+        "residual_grid",
+        "residual_autocorrelation",
+    )
+
+    def of(name: str) -> pd.DataFrame:
+        return read_table(tables[name], categories=name in _LONG, columns=_LONG.get(name))
+
+    # To make categories of one table takes as long as to read the next one.
+    read = dict(zip(names, in_turn(of, names, threads=2), strict=True))
     orientations = read_table(tables["exterior_orientations"])
     read["images"] = read["images"].merge(orientations, on="image", how="left", validate="one_to_one")
     optional = {
