@@ -24,6 +24,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -147,7 +148,12 @@ class Store:
         """
         paths = sorted(folder.iterdir(), key=lambda path: path.name)
         names = artifact_names([path.name for path in paths])
-        artifacts = [artifact_of(path, names[path.name]) for path in paths]
+        # While the digests are made, the disk writes.
+        with ThreadPoolExecutor(1) as beside:
+            flushed = [beside.submit(_flush_file, path) for path in paths]
+            artifacts = [artifact_of(path, names[path.name]) for path in paths]
+        for file in flushed:
+            file.result()
         files: list[JSON] = [
             {"file": a.path.name, "sha256": a.sha256, "rows": a.rows, "bytes": a.path.stat().st_size}
             for a in artifacts
@@ -342,10 +348,14 @@ def _note_use(place: Path) -> None:
 def _flush(folder: Path) -> None:
     """Force the folder's files onto the disk and make them read-only: from now on they do not change."""
     for path in folder.iterdir():
-        with path.open("rb") as stream:
-            os.fsync(stream.fileno())
+        _flush_file(path)
         path.chmod(0o444)
     _flush_folder(folder)
+
+
+def _flush_file(path: Path) -> None:
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
 
 
 def _flush_folder(folder: Path) -> None:
