@@ -12,8 +12,9 @@ import pytest
 from rich.console import Console
 
 from flows.command.result_table import result_table
-from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.flows.adjustment_alone import adjustment_alone
 
 AXES = ("dx", "dy", "dz")
 GATE = "gates.check_over_limit={max=1.0}"
@@ -34,15 +35,15 @@ def as_check_points(project: Path, *, raised_m: float = 0.0, sigma_m: float = 0.
     table.to_csv(project.with_name("control.csv"), index=False)
 
 
-def run(project: Path, *settings: str) -> tuple[RunOutcome, dict[str, Any]]:
-    outcome = carry_out(aerial_triangulation, RunRequest(project, overrides=settings))
+def run(project: Path, *settings: str, story: Story = adjustment_alone) -> tuple[RunOutcome, dict[str, Any]]:
+    outcome = carry_out(story, RunRequest(project, overrides=settings))
     assert outcome.error is None
     return outcome, json.loads((outcome.directory / "summary.json").read_text())
 
 
 def test_check_points_that_agree_are_within_limits_made_of_their_own_sigmas(block: Path) -> None:
     as_check_points(block)
-    outcome, summary = run(block, GATE)
+    outcome, summary = run(block, GATE, story=aerial_triangulation)
     found = summary["check_point_test"]
     table = pd.read_parquet(outcome.directory / "check_points.parquet")
     assert found["points"] == [4, 4, 4] == [len(table)] * 3
@@ -64,7 +65,7 @@ def test_check_points_that_agree_are_within_limits_made_of_their_own_sigmas(bloc
 
 def test_check_points_half_a_metre_too_high_are_beyond_their_limits_everywhere(block: Path) -> None:
     as_check_points(block, raised_m=0.5)
-    outcome, summary = run(block, GATE)
+    outcome, summary = run(block, GATE, story=aerial_triangulation)
     assert summary["check_point_test"]["over_limit"] > 2.0
     said = next(text for text in outcome.summary.problems if "beyond their limits" in text)
     assert "RMS up 0." in said

@@ -72,7 +72,7 @@ def test_the_summary_states_leave_one_out_always_and_folds_on_request(block: Pat
 
 def test_without_control_points_nothing_is_left_out(block: Path) -> None:
     with_role(block, list(pd.read_csv(block.with_name("control.csv"))["point"]), "check")
-    out = run(block, "adjustment.control_folds=5", story=aerial_triangulation)
+    out = run(block, "adjustment.control_folds=5")
     summary = json.loads((out / "summary.json").read_text())
     assert summary["leave_one_out"] is None
     assert summary["k_fold"] is None

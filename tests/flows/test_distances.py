@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tests.close_range import CloseRange, close_range, with_scale_bars, write_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 SIGMA_M = 2e-5
 
@@ -78,8 +79,8 @@ def changed(folder: Path, target: Path, change: object) -> Path:
     return target / "project.toml"
 
 
-def run(project: Path, *overrides: str) -> RunOutcome:
-    return carry_out(aerial_triangulation, RunRequest(project, overrides=overrides))
+def run(project: Path, *overrides: str, story: Story = adjustment_alone) -> RunOutcome:
+    return carry_out(story, RunRequest(project, overrides=overrides))
 
 
 def test_a_check_bar_that_is_wrong_takes_good_away(
@@ -88,7 +89,7 @@ def test_a_check_bar_that_is_wrong_takes_good_away(
     def longer(table: pd.DataFrame) -> None:
         table.loc[2, "distance"] += 0.5
 
-    found = run(changed(delivered[0], tmp_path / "p", longer))
+    found = run(changed(delivered[0], tmp_path / "p", longer), story=aerial_triangulation)
     assert found.summary.missed_checks == "check distances"
     assert any("Check distances are beyond their limits" in text for text in found.summary.problems)
     assert "the check distances are beyond their limits" in (found.directory / "report.html").read_text()

@@ -14,11 +14,11 @@ import pytest
 from adjust.arrays import Floats
 from adjust.simulate.block import simulate_block
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.simulation import Simulation
 from tasks.simulation.simulate import film_of, simulate_project
 from tasks.simulation.simulation_input import block_specification
+from tests.flows.adjustment_alone import adjustment_alone
 
 _MM = 1e3
 #: Thirty images of film; marks of 1 µm, shrinkage 1e-4, and no errors of the camera.
@@ -52,7 +52,7 @@ def run(
     project = simulate_project(described or simulation(), folder / "flight").project_file
     if change is not None:
         change(project.parent)
-    found = carry_out(aerial_triangulation, RunRequest(project, folder / "out"))
+    found = carry_out(adjustment_alone, RunRequest(project, folder / "out"))
     if found.error is not None:
         raise RuntimeError(str(found.error))
     return found.directory

@@ -10,10 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 ALONE = ("adjustment.observe=[]", "adjustment.free=[]")
 FREE = 'adjustment.datum="free_network"'
@@ -38,8 +39,8 @@ def delivered(flight: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(flight, tmp_path / "project"))
 
 
-def run(project: Path, *overrides: str) -> RunOutcome:
-    outcome = carry_out(aerial_triangulation, RunRequest(project / "project.toml", overrides=overrides))
+def run(project: Path, *overrides: str, story: Story = adjustment_alone) -> RunOutcome:
+    outcome = carry_out(story, RunRequest(project / "project.toml", overrides=overrides))
     assert outcome.error is None, outcome.error
     return outcome
 
@@ -87,7 +88,8 @@ def test_image_points_alone_give_a_network_that_is_true_up_to_a_similarity(deliv
 
 
 def test_the_report_says_what_the_datum_is(delivered: Path) -> None:
-    outcome = run(delivered, *ALONE, FREE, 'adjustment.inner_constraints="projection_centres"')
+    centres = 'adjustment.inner_constraints="projection_centres"'
+    outcome = run(delivered, *ALONE, FREE, centres, story=aerial_triangulation)
     html = (outcome.directory / "report.html").read_text(encoding="utf-8")
     assert "The free network is adjusted" in html
     assert "approximate values of the projection centres" in html
@@ -128,14 +130,14 @@ def test_a_datum_that_the_observations_determine_is_theirs(delivered: Path) -> N
 
 
 def test_an_open_datum_names_the_setting(delivered: Path) -> None:
-    outcome = carry_out(aerial_triangulation, RunRequest(delivered / "project.toml", overrides=ALONE))
+    outcome = carry_out(adjustment_alone, RunRequest(delivered / "project.toml", overrides=ALONE))
     assert outcome.summary.status == "not_computable"
     assert FREE.replace("=", " = ") in str(outcome.error)
 
 
 def test_where_the_setting_would_not_help_it_is_not_named(delivered: Path) -> None:
     outcome = carry_out(
-        aerial_triangulation,
+        adjustment_alone,
         RunRequest(delivered / "project.toml", overrides=('adjustment.observe=["gnss","control"]',)),
     )
     assert outcome.summary.status == "not_computable"

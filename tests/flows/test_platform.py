@@ -16,12 +16,12 @@ from adjust.calibration.platform import joint_test, with_mean_rotation
 from adjust.camera.virtual_image import PlatformHeads, composed, in_heads
 from adjust.geometry import rotation
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.platform import AdjustedPlatform, adjusted_platforms
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.adjust.platform_scenes import PUBLISHED, dmc_heads
+from tests.flows.adjustment_alone import adjustment_alone
 from tests.tasks.documents.report.page_reader import Page
 from tests.tasks.formats.printed_certificates import PAN, PRINTED, certificate
 
@@ -207,7 +207,7 @@ def test_certificates_of_the_heads_are_observed_in_the_adjustment(tmp_path: Path
         'adjustment.free=["relative_rotation", "focal_length"]',
         *(f'cameras.PAN{number}.calibration_use="prior"' for number in range(1, 5)),
     )
-    found = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out", overrides=overrides))
+    found = carry_out(adjustment_alone, RunRequest(project, tmp_path / "out", overrides=overrides))
     assert found.error is None, found.error
     table = pd.read_parquet(found.directory / "parameters.parquet").set_index(["parameter", "entity"])
     lengths = table.loc["focal_length"].loc[["PAN1", "PAN2", "PAN3", "PAN4"]]

@@ -11,12 +11,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.calibration.record import CalibratedCamera, CalibrationRecord
 from tasks.registry.registry import Registry
 from tasks.settings.cameras import CameraIdentity
 from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
+from tests.flows.adjustment_alone import adjustment_alone
 from tests.flows.conftest import COLUMNS, FOCAL_LENGTH_MM, PIXEL_UM, ROWS
 from tests.tasks.registry.records import add, approve, parameter, record
 
@@ -66,16 +67,16 @@ Adjust = Callable[..., Path]
 def adjust(block: Path, tmp_path: Path) -> Adjust:
     """Adjusts the block and returns the folder of its results."""
 
-    def adjusted(name: str, *overrides: str) -> Path:
-        outcome = run(block, tmp_path / name, *WANTED, *overrides)
+    def adjusted(name: str, *overrides: str, story: Story = adjustment_alone) -> Path:
+        outcome = run(block, tmp_path / name, *WANTED, *overrides, story=story)
         assert outcome.error is None, outcome.error
         return tmp_path / name
 
     return adjusted
 
 
-def run(block: Path, out: Path, *overrides: str) -> RunOutcome:
-    return carry_out(aerial_triangulation, RunRequest(block, out, overrides))
+def run(block: Path, out: Path, *overrides: str, story: Story = adjustment_alone) -> RunOutcome:
+    return carry_out(story, RunRequest(block, out, overrides))
 
 
 def sigmas(folder: Path, name: str) -> np.ndarray:
@@ -87,7 +88,7 @@ def sigmas(folder: Path, name: str) -> np.ndarray:
 @pytest.mark.usefixtures("registry")
 def test_the_errors_of_a_calibration_are_part_of_every_sigma(adjust: Adjust) -> None:
     held = adjust("held", 'cameras.C.calibration_use="held"')
-    consider = adjust("consider")
+    consider = adjust("consider", story=aerial_triangulation)
     prior = adjust("prior", 'cameras.C.calibration_use="prior"')
     for name in ("exterior_orientations", "object_points"):
         one, other = (pd.read_parquet(folder / f"{name}.parquet") for folder in (held, consider))
@@ -135,6 +136,7 @@ def test_a_block_that_contradicts_the_registry_says_so_and_fails_its_gate(
         outcome = run(
             block, tmp_path / use, *WANTED, f'cameras.C.calibration_use="{use}"',
             "gates.registered_calibration={min=0.001}", "gates.sigma0={max=100.0}",
+            story=aerial_triangulation,
         )  # fmt: skip
         assert outcome.error is None, outcome.error
         summary = json.loads((tmp_path / use / "summary.json").read_text())

@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.errors import InputError
@@ -24,6 +23,7 @@ from tasks.settings.load_simulation import load_simulation
 from tasks.settings.registry import registry_address
 from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
+from tests.flows.adjustment_alone import adjustment_alone
 
 _SMALL = ("flight.lines=3", "flight.exposures=4", "points.count=200")
 _DAY = "project.flown=2026-06-01"
@@ -62,7 +62,7 @@ def used(
     *overrides: str,
 ) -> RunOutcome:  # fmt: skip
     monkeypatch.setenv("AEROCAL_REGISTRY", str(registered[1]))
-    return carry_out(aerial_triangulation, RunRequest(flights[1], out, overrides=(*_RIG, *overrides)))
+    return carry_out(adjustment_alone, RunRequest(flights[1], out, overrides=(*_RIG, *overrides)))
 
 
 def test_one_record_has_all_heads_with_their_joint_covariance(registered: tuple[Path, Path]) -> None:
@@ -176,7 +176,7 @@ def test_heads_of_another_rig_or_a_camera_alone_are_refused(
     alone = RunRequest(
         flights[1], tmp_path / "alone", overrides=(_DAY, 'cameras.left.calibration="registry"')
     )
-    error = carry_out(aerial_triangulation, alone).error
+    error = carry_out(adjustment_alone, alone).error
     assert error is not None
     assert "has no approved calibration of left" in str(error)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, Story, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.direct_georeferencing_check import direct_georeferencing_check
 from flows.stories.system_calibration import system_calibration
@@ -17,6 +17,7 @@ from tasks.errors import InputError
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 from tests.tasks.documents.report.page_reader import Page
 
 _NAMES = ("omega", "phi", "kappa")
@@ -30,16 +31,16 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate_project(simulation, tmp_path_factory.mktemp("penta")).project_file
 
 
-def adjusted(project: Path, out: Path, *overrides: str) -> Path:
+def adjusted(project: Path, out: Path, *overrides: str, story: Story = adjustment_alone) -> Path:
     """The results of a run that ends well."""
-    found = carry_out(aerial_triangulation, RunRequest(project, out, overrides=overrides))
+    found = carry_out(story, RunRequest(project, out, overrides=overrides))
     assert found.error is None, found.error
     return found.directory
 
 
 @pytest.fixture(scope="module")
 def results(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return adjusted(flight, tmp_path_factory.mktemp("results") / "out")
+    return adjusted(flight, tmp_path_factory.mktemp("results") / "out", story=aerial_triangulation)
 
 
 def delivered(out: Path, exposures: pd.DataFrame) -> str:
@@ -106,7 +107,7 @@ def test_the_report_has_a_section_of_the_rig(results: Path) -> None:
 
 
 def test_the_trust_map_shows_ground_that_two_events_see(flight: Path, tmp_path: Path) -> None:
-    out = adjusted(flight, tmp_path / "out", "trust_map={ cell_m = 100.0 }")
+    out = adjusted(flight, tmp_path / "out", "trust_map={ cell_m = 100.0 }", story=aerial_triangulation)
     cells = pd.read_parquet(out / "trust_map_cells.parquet")
     sigma = cells[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy()
     pair = cells[["pair_sigma_x_m", "pair_sigma_y_m", "pair_sigma_z_m"]].to_numpy()

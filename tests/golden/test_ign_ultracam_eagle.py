@@ -18,10 +18,10 @@ import pytest
 from adjust.geometry import rotation
 from docs.generate.example_figures import FIGURES, RUNS, figures_of
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
 from tasks.settings.coordinates import Heights
+from tests.flows.adjustment_alone import adjustment_alone
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DATA = "ign_ultracam_eagle_m3"
@@ -38,7 +38,7 @@ def adjusted(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
             for first in list(done.values())[:1]:
                 shutil.copytree(first.directory / ".store", out / ".store")
             request = RunRequest(EXAMPLES / "ign_ultracam_eagle" / "project.toml", out, overrides)
-            done[overrides] = carry_out(aerial_triangulation, request)
+            done[overrides] = carry_out(adjustment_alone, request)
             assert done[overrides].error is None, done[overrides].error
         return done[overrides]
 
@@ -233,7 +233,7 @@ def test_without_ins_the_strips_give_the_headings_and_the_block_the_attitudes(
         'adjustment.free=["lever_arm"]',
     )
     request = RunRequest(EXAMPLES / "ign_ultracam_eagle" / "project.toml", tmp_path / "out", overrides)
-    outcome = carry_out(aerial_triangulation, request)
+    outcome = carry_out(adjustment_alone, request)
     assert outcome.error is None
     assert any("20 exposures have no attitude" in text for text in outcome.summary.problems)
     table = pq.read_table(tmp_path / "out" / "exterior_orientations.parquet").to_pandas()
