@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import date
+from functools import cache, lru_cache
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ from tasks.handover.distortion_grid import distortion_grids
 from tasks.handover.export import lenses_of
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.lens import Lenses
-from tasks.handover.receiver import hand_over
+from tasks.handover.receiver import Freed, World, hand_over
 from tasks.handover.results import CalibratedCamera, Results
 from tasks.handover.rig_heads import RigHeads
 from tasks.handover.rigorous import OrientedImages
@@ -54,8 +55,9 @@ HEAD = from_omega_phi_kappa(np.radians([20.0, -2.0, 91.0]))
 BESIDE = np.array([0.2, -0.1, 0.05])
 
 
+@cache
 def flown(case: Flight) -> tuple[Results, BlockPoints]:
-    """The block; each object point is seen in one image, where it was measured."""
+    """The block; each object point is seen in one image, where it was measured. Tests share it."""
     latitude, longitude = np.deg2rad([48.0, case.longitude_deg])
     frame = TopocentricFrame(UTM.ellipsoid, float(latitude), float(longitude))
     east = UTM.from_geodetic(np.array([[latitude, longitude, GROUND + case.above]]))
@@ -145,7 +147,17 @@ def points_of(results: Results) -> BlockPoints:
 def delivered(results: Results, points: BlockPoints, name: str) -> Delivery:
     """As `export_results` has it written."""
     form = REGISTER[name]
-    handed = hand_over(results, form.world, form.freed)
-    lenses = lenses_of(results, handed, form.lens) if form.lens else Lenses((), np.zeros(0))
-    grids = tuple(distortion_grids(one) for one in results.cameras) if form.grid else ()
+    handed = _handed_over(results, form.world, form.freed)
+    lenses = _lenses(results, form.world, form.freed, form.lens) if form.lens else Lenses((), np.zeros(0))
+    grids = tuple(map(_grids, results.cameras)) if form.grid else ()
     return Delivery(results, handed, lenses=lenses, points=points, grids=grids)
+
+
+# What many formats have in common; a block or a camera is the same only if it is the same object.
+_handed_over = lru_cache(hand_over)
+_grids = lru_cache(distortion_grids)
+
+
+@lru_cache
+def _lenses(results: Results, world: World, freed: Freed, terms: tuple[str, ...]) -> Lenses:
+    return lenses_of(results, _handed_over(results, world, freed), terms)

@@ -135,14 +135,14 @@ def block(request: pytest.FixtureRequest) -> tuple[Results, BlockPoints]:
     return flown(request.param)
 
 
-@pytest.fixture(params=EXCHANGE)
-def written(block, request: pytest.FixtureRequest, tmp_path: Path) -> Written:
-    delivery = delivered(*block, request.param)
+@pytest.fixture(params=EXCHANGE, scope="module")
+def written(block, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Written:
+    delivery, folder = delivered(*block, request.param), tmp_path_factory.mktemp("written")
     files = EXCHANGE[request.param].write(delivery)
     for file, content in files.items():
-        (tmp_path / file).write_bytes(content if isinstance(content, bytes) else content.encode())
-    (tmp_path / WHOLE).write_bytes(packed(files))
-    return Written(*block, delivery, tmp_path, READ[request.param])
+        (folder / file).write_bytes(content if isinstance(content, bytes) else content.encode())
+    (folder / WHOLE).write_bytes(packed(files))
+    return Written(*block, delivery, folder, READ[request.param])
 
 
 def test_every_format_of_the_register_is_read_again():
@@ -165,13 +165,15 @@ def test_image_points_are_those_that_were_measured(written: Written):
         )
     }
     assert len(found) == len(records.line) == len(points.xy)
-    corrected = EXCHANGE_OF[written.read.reader].corrected
-    for image, point, xy in zip(points.image, points.point, points.xy, strict=True):
-        camera = cameras[written.results.images.camera[image]]
-        expected = camera.corrected(xy[None])[0] if corrected else xy
+    expected = points.xy.copy()
+    for number, camera in enumerate(cameras):
+        own = written.results.images.camera[points.image] == number
+        if EXCHANGE_OF[written.read.reader].corrected:
+            expected[own] = camera.corrected(points.xy[own])
         if written.read.reader == "csv":
-            expected = expected + camera.frame.principal_point
-        away = 1e3 * found[NAMES[image], points.names[point]] - 1e6 * expected
+            expected[own] += camera.frame.principal_point
+    for image, point, xy in zip(points.image, points.point, expected, strict=True):
+        away = 1e3 * found[NAMES[image], points.names[point]] - 1e6 * xy
         assert np.abs(away).max() < written.read.image_point_um + 1e-7
 
 
