@@ -10,6 +10,7 @@ sharpened neighbouring pixels are correlated, and they are too small.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -61,12 +62,13 @@ class EdgeFit:
         """Standard deviation of the blur, px."""
         return float(np.sqrt(self.covariance[VARIANCE, VARIANCE]) / (2.0 * self.blur))
 
-    @property
+    # A fit is in the statistics of several zones and directions.
+    @cached_property
     def factor(self) -> float:
         """Factor of effective resolution."""
         return float(resolution_factor(np.array([self.blur]))[0])
 
-    @property
+    @cached_property
     def sigma_factor(self) -> float:
         """Standard deviation of the factor."""
         slope = factor_by_variance(self.values[VARIANCE : VARIANCE + 1])[0]

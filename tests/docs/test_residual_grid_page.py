@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
-
-import pytest
-
-# All kernels may have to be compiled before.
-pytestmark = pytest.mark.timeout(600)
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGE = " ".join((REPOSITORY / "docs/theory/residual-grids.md").read_text(encoding="utf-8").split())
 
 
 def test_the_table_has_the_results_of_the_example() -> None:
-    example = [sys.executable, str(REPOSITORY / "examples" / "residual_grid.py")]
-    printed = subprocess.run(example, capture_output=True, text=True, encoding="utf-8", check=True).stdout
+    # Its header has all that it prints: tests/test_examples.py.
+    printed = (REPOSITORY / "examples/residual_grid.py").read_text(encoding="utf-8").split('"""')[1]
     rows = re.findall(
-        r"^(\w+): .+?σ0 ([\d.]+) +Z ([\d.]+) m(?: +(\d+) × +([\d.]+) %)?$", printed, re.MULTILINE
+        r"^ *(\w+): .+?σ0 ([\d.]+) +Z ([\d.]+) m(?: +(\d+) × +([\d.]+) %)?$", printed, re.MULTILINE
     )
     high = [row for row in rows if row[0] == "high"]
     assert len(high) == 7
