@@ -108,10 +108,11 @@ def test_server_none_runs_in_process_whatever_is_set(warm_block: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_run_in_process_never_imports_prefect(block: Path) -> None:
+def test_a_run_in_process_never_imports_prefect(warm_block: Path) -> None:
+    # That stages do not need it either: test_extras.py adjusts a block without it.
     program = (
         "import sys; from flows.command.__main__ import main\n"
-        f"sys.argv = ['aerocal', 'run', {str(block)!r}]\n"
+        f"sys.argv = ['aerocal', 'run', {str(warm_block)!r}]\n"
         "try: main()\n"
         "except SystemExit as end: assert end.code == 0, end.code\n"
         "sys.exit(any(name.split('.')[0] == 'prefect' for name in sys.modules))"

@@ -8,8 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.flows.conftest import write_block
-
 #: Modules that everything imports sooner or later.
 PLANTED = ("calendar", "json", "random", "multiprocessing", "tasks", "numpy", "typer")
 
@@ -28,9 +26,9 @@ def test_commands_and_their_workers_import_nothing_from_the_folder_they_are_star
     tmp_path: Path, run_before: Path
 ) -> None:
     root = tmp_path / "root"
-    write_block(root / "a")
-    # One worker adjusts, the other finds everything there.
-    shutil.copytree(run_before, root / "b")
+    for name in "ab":
+        # Where modules are looked for is settled before a worker computes anything.
+        shutil.copytree(run_before, root / name)
     traces = plant(root)
     console = str(Path(sys.executable).with_name("aerocal"))
     for program in (

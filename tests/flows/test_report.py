@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from base64 import b64encode
@@ -401,15 +400,15 @@ def test_every_number_in_the_tables_is_that_of_the_artifacts(warm_block: Path) -
     assert set(reported.page.tables) >= {"check-points", "control-points", "gates", "parameters", "settings"}
 
 
-def test_corrections_by_mean_residuals_are_those_of_the_artifacts(block: Path) -> None:
-    reported = run(block, "adjustment.residual_grid.iterations=2", "adjustment.residual_grid.cells=4")
+def test_corrections_by_mean_residuals_are_those_of_the_artifacts(warm_block: Path) -> None:
+    reported = run(warm_block, "adjustment.residual_grid.iterations=2", "adjustment.residual_grid.cells=4")
     require_equal(reported)
     assert "grid-iteration" in reported.page.tables
     assert "No further correction" in reported.page.text
 
 
-def test_problems_stand_first_and_the_verdict_is_one_sentence(block: Path) -> None:
-    reported = run(block, "gates.sigma0.max=0.8")
+def test_problems_stand_first_and_the_verdict_is_one_sentence(warm_block: Path) -> None:
+    reported = run(warm_block, "gates.sigma0.max=0.8")
     text = reported.page.text
     assert "but 1 of 2 limits failed (σ0)" in text
     # The navigation names the sections before they come.
@@ -450,14 +449,14 @@ def test_the_page_names_no_folder_and_no_time(warm_block: Path) -> None:
     assert not re.search(r"\b20\d\d-\d\d-\d\d\b|\b\d\d:\d\d:\d\d\b", html)
 
 
-def test_the_same_block_elsewhere_gives_the_same_bytes(block: Path, tmp_path: Path) -> None:
-    elsewhere = tmp_path / "elsewhere"
-    shutil.copytree(block.parent, elsewhere)
-    assert run(block).html == run(elsewhere / "project.toml").html
+def test_the_same_block_elsewhere_gives_the_same_bytes(block: Path, run_before: Path) -> None:
+    assert run(block).html == Reported(run_before / "results").html
 
 
-def test_another_process_with_another_order_of_sets_gives_the_same_bytes(block: Path) -> None:
-    page = run(block).html
+def test_another_process_with_another_order_of_sets_gives_the_same_bytes(
+    block: Path, run_before: Path
+) -> None:
+    page = Reported(run_before / "results").html
     out = block.parent / "results-elsewhere"
     command = [sys.executable, "-m", "flows.command", "run", str(block), "--out", str(out)]
     done = subprocess.run(

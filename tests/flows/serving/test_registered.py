@@ -14,6 +14,7 @@ import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation as story
+from tests.command_line import aerocal
 from tests.conftest import Start
 
 if TYPE_CHECKING:
@@ -160,30 +161,26 @@ def server_address() -> str:
     return str(PREFECT_API_URL.value())
 
 
-@pytest.fixture
-def start_run(start: Start) -> Start:
-    """Starts a run that is reported to the server of the tests."""
-
-    def start_one(block: Path, *arguments: str | Path) -> subprocess.Popen[str]:
-        command = (sys.executable, "-m", "flows.command", "run", block, "--server", server_address())
-        return start(*command, *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-
-    return start_one
-
-
-def test_the_command_line_reports_to_a_server(warm_block: Path, start_run: Start) -> None:
-    process = start_run(warm_block, "--set", "gates.sigma0.max=0.71", "--json")
+def test_the_command_line_reports_to_a_server(warm_block: Path, start: Start) -> None:
+    command = (sys.executable, "-m", "flows.command", "run", warm_block, "--server", server_address())
+    options = ("--set", "gates.sigma0.max=0.71", "--json")
+    process = start(*command, *options, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     shown, log = process.communicate(timeout=200)
     assert process.returncode == 4, log
     assert json.loads(shown)["status"] == "gate_failed"
     assert "Finished in state GateFailed('Gates not passed: sigma0" in log
 
 
-def test_wrong_input_is_one_line_under_a_server_too(block: Path, start_run: Start) -> None:
-    with (block.parent / "image_points.csv").open("a") as stream:
+def test_wrong_input_is_one_line_under_a_server_too(
+    warm_block: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with (warm_block.parent / "image_points.csv").open("a") as stream:
         stream.write("1_0011,p1,10,10\n")
-    process = start_run(block)
-    log = process.communicate(timeout=200)[1]
-    assert process.returncode == 2
-    assert "Traceback" not in log
-    assert [line for line in log.splitlines() if line.startswith("Error: ") and "1_0011" in line]
+    # Prefect's loggers hand nothing on.
+    for logger in ("prefect", "prefect.flow_runs", "prefect.task_runs"):
+        monkeypatch.setattr(logging.getLogger(logger), "handlers", [caplog.handler])
+    done = aerocal("run", warm_block, "--server", server_address())
+    assert done.returncode == 2
+    assert "Finished in state InputError" in caplog.text
+    assert "Traceback" not in done.stderr + caplog.text
+    assert [line for line in done.stderr.splitlines() if line.startswith("Error: ") and "1_0011" in line]

@@ -104,6 +104,13 @@ def swept(field: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.fixture
+def warm_out(swept: Path, tmp_path: Path) -> Path:
+    """An output folder with the stages of that sweep, and no results."""
+    shutil.copytree(swept / ".store", tmp_path / "out" / ".store")
+    return tmp_path / "out"
+
+
 def test_every_combination_is_a_row_in_the_order_of_the_project(swept: Path) -> None:
     table = results(swept)
     expected = [f"{b}|{c}|{v}" for b in ("low", "both") for c in ("84/0", "5/79") for v in ("none", "loose")]
@@ -157,17 +164,18 @@ def _even_five(control: pd.DataFrame) -> list[str]:
     return [*corners, str(control["point"][int(np.argmax(nearest))])]
 
 
-def test_no_coordinate_of_a_check_point_enters(field: Path, tmp_path: Path) -> None:
+def test_no_coordinate_of_a_check_point_enters(field: Path, warm_out: Path, tmp_path: Path) -> None:
     named = ["C001", "C004", "C009", "C012", "C006"]
     shutil.copytree(field.parent, tmp_path / "copy", ignore=shutil.ignore_patterns("results"))
     project = tmp_path / "copy" / "project.toml"
     select = ("--set", f"sweep.control={{five={json.dumps(named)}}}", "--set", "sweep.variants={none={}}")
+    shutil.copytree(warm_out, tmp_path / "before")
     assert sweep(project, tmp_path / "before", *select).returncode == 0
     control = pd.read_csv(tmp_path / "copy" / "control.csv")
     control.loc[~control["point"].isin(named), ["x", "y", "z"]] += [3.0, -2.0, 5.0]
     control.to_csv(tmp_path / "copy" / "control.csv", index=False)
-    assert sweep(project, tmp_path / "after", *select).returncode == 0
-    before, after = (results(tmp_path / name) for name in ("before", "after"))
+    assert sweep(project, warm_out, *select).returncode == 0
+    before, after = (results(out) for out in (tmp_path / "before", warm_out))
     for column in ("sigma0", "rmse_control_x_m", "rmse_control_z_m", "redundancy", "image_rms_x_um"):
         assert (before[column] == after[column]).all()
     assert (after["rmse_check_z_m"] > 4.5).all()
@@ -219,11 +227,11 @@ def _is_running(pid: int) -> bool:
         return False
 
 
-def test_a_scenario_without_a_datum_is_a_row_that_says_so(field: Path, tmp_path: Path) -> None:
+def test_a_scenario_without_a_datum_is_a_row_that_says_so(field: Path, warm_out: Path) -> None:
     few = ("--set", "sweep.control={none=[], all='all'}", "--set", "sweep.variants={none={}}")
-    done = sweep(field, tmp_path / "out", *few, "--json")
+    done = sweep(field, warm_out, *few, "--json")
     assert done.returncode == 0, done.stderr
-    table = results(tmp_path / "out")
+    table = results(warm_out)
     assert table["status"].tolist() == ["not_computable", "done"] * 2
     failed, fine = table.loc["low|none|none"], table.loc["low|all|none"]
     assert "Nothing fixes the scale" in failed["reason"]
@@ -233,15 +241,15 @@ def test_a_scenario_without_a_datum_is_a_row_that_says_so(field: Path, tmp_path:
     assert summary["status"] == "done"
     assert [row["status"] for row in summary["sweep"]] == table["status"].tolist()
     assert any("rank defect" in sentence for sentence in summary["problems"])
-    page = Page((tmp_path / "out" / "sweep.html").read_text())
+    page = Page((warm_out / "sweep.html").read_text())
     assert page.tables["failures"].keys == ["low|none|none", "both|none|none"]
 
 
-def test_when_nothing_can_be_computed_the_exit_code_says_so(field: Path, tmp_path: Path) -> None:
-    done = sweep(field, tmp_path / "out", "--set", "sweep.control={none=[]}")
+def test_when_nothing_can_be_computed_the_exit_code_says_so(field: Path, warm_out: Path) -> None:
+    done = sweep(field, warm_out, "--set", "sweep.control={none=[]}")
     assert done.returncode == 3
     assert "None of the 4 scenarios could be computed." in done.stderr
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"summary.json", ".store"}
+    assert {path.name for path in warm_out.iterdir()} == {"summary.json", ".store"}
 
 
 @pytest.mark.parametrize(
@@ -314,8 +322,8 @@ def _bar_heights(svg: str) -> dict[str, float]:
     return {words.partition(", published")[0]: float(height) for height, words in bars}
 
 
-def test_a_sweep_and_an_adjustment_stand_beside_each_other(field: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_a_sweep_and_an_adjustment_stand_beside_each_other(field: Path, warm_out: Path) -> None:
+    out = warm_out
     one = ("--set", "sweep.variants={none={}}", "--set", "sweep.control={all='all'}")
     assert sweep(field, out, *one).returncode == 0
     assert aerocal("run", field, "--out", out, "--server", "none").returncode == 0

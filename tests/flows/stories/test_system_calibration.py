@@ -22,7 +22,7 @@ from tasks.simulation.truth_comparison import compare_with_truth
 from tasks.store.stage_record import read_records
 from tests.tasks.documents.report.page_reader import Page
 
-FEW_POINTS = ("points.count=900", "points.detection=0.5")
+FEW_POINTS = ("points.count=600", "points.detection=0.5")
 #: 160 images in 20 strips instead of 456 in 40.
 SMALL = (
     *(
@@ -196,7 +196,7 @@ def test_what_a_single_direction_at_one_height_does_not_determine_is_held(tmp_pa
 
 
 def test_without_enough_control_there_is_no_second_step_and_that_is_said(tmp_path: Path) -> None:
-    fewer = ("points.count=400", "flight.0.exposures=6", "flight.1.exposures=6")
+    fewer = ("points.count=250", "flight.0.exposures=5", "flight.1.exposures=5")
     project = flown(tmp_path, *SMALL, *fewer, 'control=[{layout="grid",columns=2,rows=1}]')
     outcome = calibrated(project)
     assert outcome.error is None, outcome.error
