@@ -68,12 +68,12 @@ class Products:
         self.own[np.ix_(numbers, numbers)] += flat @ flat.T
         for term in white.terms:
             if term.block == EXTERIOR_ORIENTATION:
-                jacobian = np.ascontiguousarray(term.jacobian)
-                add_products(term.index, jacobian, whitened, numbers, self.load.of_exposures)
+                index, jacobian = map(np.ascontiguousarray, (term.index, term.jacobian))
+                add_products(index, jacobian, whitened, numbers, self.load.of_exposures)
             elif term.block == OBJECT_POINT:
                 self.load = load = self.load.with_points_of(numbers)
-                places, jacobian = load.places_of(numbers), np.ascontiguousarray(term.jacobian)
-                add_products(term.index, jacobian, whitened, places, load.of_points)
+                index, jacobian = map(np.ascontiguousarray, (term.index, term.jacobian))
+                add_products(index, jacobian, whitened, load.places_of(numbers), load.of_points)
             else:
                 places = self.layout.columns[term.block]
                 if np.any(places >= 0):

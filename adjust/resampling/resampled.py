@@ -24,6 +24,8 @@ from adjust.solve.lanes import in_any_order
 Resampling: TypeAlias = Literal["cubic", "lanczos"]
 Pixels: TypeAlias = NDArray[Any]
 _STEPS = 1024
+#: Types of pixels that a kernel is compiled for, besides float64.
+_COMPILED = (np.uint8, np.uint16)
 # Rows that a thread takes at once.
 _PORTION = 16
 
@@ -89,8 +91,10 @@ def resampled(
     threads: int = 1,
 ) -> ResampledRows:
     """Rows from rows[0] to below rows[1]; `source` must have those that `needed_rows` says."""
-    bands = len(source.pixels)
-    out = np.empty((bands, rows[1] - rows[0], pixels.columns), source.pixels.dtype)
+    bands, given = len(source.pixels), source.pixels.dtype
+    # The kernel is compiled for each type, for some seconds: float64 holds the values of all rare ones.
+    taken = source.pixels.astype(given if given in _COMPILED else np.float64, copy=False)
+    out = np.empty((bands, rows[1] - rows[0], pixels.columns), taken.dtype)
     masked = source.valid is not None
     valid = source.valid.view(np.uint8) if source.valid is not None else np.empty((0, 1, 1), np.uint8)
     out_valid = np.zeros((1, *out.shape[1:]) if masked else (0, 1, 1), np.uint8)
@@ -99,14 +103,15 @@ def resampled(
 
     def portion(first: int) -> None:
         outside[first] = resample(
-            source.pixels, valid, source.first, source.all_rows, is_nearest,
+            taken, valid, source.first, source.all_rows, is_nearest,
             pixels.nodes, pixels.divided, pixels.fine, pixels.divided_again, pixels.finest,
-            _weights(resampling), np.issubdtype(out.dtype, np.integer), values.least, values.largest,
+            _weights(resampling), np.issubdtype(given, np.integer), values.least, values.largest,
             np.nan if values.nodata is None else values.nodata, values.fill, rows[0],
             (first, min(first + _PORTION, out.shape[1])), out, out_valid,
         )  # fmt: skip
 
     in_any_order(portion, range(0, out.shape[1], _PORTION), threads)
+    out = out.astype(given, copy=False)
     return ResampledRows(out, out_valid.view(np.bool_) if masked else None, int(outside.sum()))
 
 

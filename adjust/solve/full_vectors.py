@@ -163,7 +163,8 @@ def _reduced(
     columns, touched = system.ray_columns, system.touched_columns
 
     def work(lane: Lane) -> tuple[Floats, Floats]:
-        of_exposures = np.zeros_like(given.of_exposures)
+        # Not in the order of `given`, for each of which the kernel would be compiled.
+        of_exposures = np.zeros(given.of_exposures.shape)
         of_border = np.zeros((len(touched), given.count))
         elimination_kernel.subtract_eliminated(
             *system.rays_of_lane(state, lane),

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Literal
 
 import numpy as np
 import pytest
-from _pytest.mark.structures import ParameterSet
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -53,15 +51,8 @@ def whole(
     return resampled(SourceRows(pixels, valid, 0, pixels.shape[1]), of, (0, of.rows), values, kind, threads)
 
 
-def every_type() -> list[ParameterSet]:
-    """All types and weights; daily every kind of number and every weight. Each type is compiled by itself."""
-    daily = {("uint8", "cubic"), ("int16", "lanczos"), ("float64", "lanczos")}
-    return [
-        pytest.param(*case, marks=() if case in daily else pytest.mark.slow) for case in product(TYPES, KINDS)
-    ]
-
-
-@pytest.mark.parametrize(("dtype", "kind"), every_type())
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("dtype", TYPES)
 def test_the_identity_changes_no_byte(dtype: str, kind: Kind) -> None:
     pixels = noise(dtype)
     made = whole(pixels, shifted(0.0, 0.0), limits(dtype), kind)
