@@ -24,6 +24,7 @@ from tasks.settings.registry import registry_address
 from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
 from tests.flows.adjustment_alone import adjustment_alone
+from tests.flows.calibration_alone import calibration_alone
 
 _SMALL = ("flight.lines=3", "flight.exposures=4", "points.count=200")
 _DAY = "project.flown=2026-06-01"
@@ -154,7 +155,7 @@ def test_heads_are_calibrated_first_and_then_the_rig(
     monkeypatch.setenv("AEROCAL_REGISTRY", str(tmp_path / "heads.sqlite"))
     free = 'calibration.free=["boresight", "relative_rotation", "synchronisation_offset"]'
     overrides = (_DAY, free, 'cameras.left.calibration="registry"')
-    found = carry_out(system_calibration, RunRequest(flights[1], tmp_path / "out", overrides=overrides))
+    found = carry_out(calibration_alone, RunRequest(flights[1], tmp_path / "out", overrides=overrides))
     assert found.error is None, found.error
     keys = ["parameter", "entity"]
     table = pd.read_parquet(found.directory / "parameters.parquet").set_index(keys)

@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 from pyproj import CRS
 
-from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, Story, carry_out
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.coordinates.crs import MapFrame
@@ -27,6 +27,7 @@ from tasks.settings.load import load_project
 from tasks.stages.ingest import import_exposures
 from tasks.store.store import Store
 from tasks.tables.parquet import read_table
+from tests.flows.calibration_alone import calibration_alone
 
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"
 LAMBERT = "EPSG:2154"
@@ -51,12 +52,12 @@ def test_the_wrong_north_is_named_first_where_the_convergence_differs(delivery: 
     right = delivery.calibrated("grid", 0.003)
     assert not any("other north" in reason for reason in right.reasons)
     assert delivery.assumptions("grid", 0.003) == []
-    wrong = delivery.calibrated("true-north", 0.003)
+    wrong = delivery.calibrated("true-north", 0.003, calibration_alone)
     assert wrong.reasons[0].startswith("The attitudes appear to refer to the other north: −9")
 
 
 def test_where_nothing_tells_the_norths_apart_the_effect_is_stated(delivery: Delivery) -> None:
-    grid, true = (delivery.calibrated(north, 0.5) for north in ("grid", "true-north"))
+    grid, true = delivery.calibrated("grid", 0.5), delivery.calibrated("true-north", 0.5, calibration_alone)
     assert not any("other north" in reason for record in (grid, true) for reason in record.reasons)
     (row,) = delivery.assumptions("grid", 0.5)
     stated = row["cells"][2]["value"]
@@ -75,7 +76,7 @@ class Delivery:
     crs: str
     file: Path
 
-    def calibrated(self, north: str, sigma: float) -> CalibrationRecord:
+    def calibrated(self, north: str, sigma: float, story: Story = system_calibration) -> CalibrationRecord:
         """With attitudes that are said to count from a north and to have a σ, degrees."""
         exposures = (
             f"{{file='{self.file}', format='csv', crs='{self.crs}', heights='ellipsoidal', "
@@ -91,7 +92,7 @@ class Delivery:
             "calibration.variance_components=false",
         )
         out = self._out(north, sigma)
-        outcome = carry_out(system_calibration, RunRequest(PROJECT, out, changes))
+        outcome = carry_out(story, RunRequest(PROJECT, out, changes))
         assert outcome.error is None, outcome.error
         return CalibrationRecord.model_validate_json((out / "calibration.json").read_text())
 

@@ -60,8 +60,8 @@ def four_strips(seed: int, gnss_s: float, ins_s: float) -> Scene:
     return two_strips(
         strips=4,
         images_per_strip=15,
-        points_along=30,
-        points_across=12,
+        points_along=24,
+        points_across=8,
         control=("full",) * 6,
         free=FREE,
         noise_seed=seed,

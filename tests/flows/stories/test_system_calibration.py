@@ -13,13 +13,14 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
 from tasks.store.stage_record import read_records
+from tests.flows.calibration_alone import calibration_alone
 from tests.tasks.documents.report.page_reader import Page
 
 FEW_POINTS = ("points.count=600", "points.detection=0.5")
@@ -41,8 +42,10 @@ def flown(folder: Path, *changes: str) -> Path:
     return simulate_project(simulation, folder).project_file
 
 
-def calibrated(project: Path, *overrides: str, out: Path | None = None) -> RunOutcome:
-    return carry_out(system_calibration, RunRequest(project, out, overrides))
+def calibrated(
+    project: Path, *overrides: str, out: Path | None = None, story: Story = system_calibration
+) -> RunOutcome:
+    return carry_out(story, RunRequest(project, out, overrides))
 
 
 def figures(outcome: RunOutcome) -> dict[str, Any]:
@@ -174,7 +177,7 @@ def test_what_a_single_direction_at_one_height_does_not_determine_is_held(tmp_pa
     """Mounting and shift stay determined, because the interior orientation is held again."""
     single = tuple(f'flight.{number}.directions="single"' for number in range(4))
     headings = tuple(f"flight.{number}.heading_deg=90" for number in range(4))
-    outcome = calibrated(flown(tmp_path, *ONE_HEIGHT, *single, *headings))
+    outcome = calibrated(flown(tmp_path, *ONE_HEIGHT, *single, *headings), story=calibration_alone)
     assert outcome.error is None, outcome.error
     found = figures(outcome)
     assert found["verdict"] == "refused"
@@ -198,7 +201,7 @@ def test_what_a_single_direction_at_one_height_does_not_determine_is_held(tmp_pa
 def test_without_enough_control_there_is_no_second_step_and_that_is_said(tmp_path: Path) -> None:
     fewer = ("points.count=250", "flight.0.exposures=5", "flight.1.exposures=5")
     project = flown(tmp_path, *SMALL, *fewer, 'control=[{layout="grid",columns=2,rows=1}]')
-    outcome = calibrated(project)
+    outcome = calibrated(project, story=calibration_alone)
     assert outcome.error is None, outcome.error
     assert figures(outcome)["two_step"] is None
     assert any("no two-step calibration" in text for text in outcome.summary.problems)

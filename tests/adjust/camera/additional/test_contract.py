@@ -12,6 +12,7 @@ from adjust.camera.additional.base import Basis, Combination, ImageFormat, Param
 from adjust.camera.additional.register import REGISTER
 from tests.adjust.camera.additional import contracts
 from tests.adjust.camera.additional.contracts import CONTRACTS, FORMATS, Contract
+from tests.grids import pairs_daily
 
 SETS = {
     **REGISTER.sets,
@@ -22,13 +23,13 @@ SETS = {
 }
 
 
-@pytest.mark.parametrize("image_format", FORMATS.values(), ids=FORMATS)
-@pytest.mark.parametrize("parameter_set", SETS.values(), ids=SETS)
-@pytest.mark.parametrize("contract", CONTRACTS, ids=lambda contract: contract.__name__)
-def test_the_set_keeps_the_contract(
-    contract: Contract, parameter_set: ParameterSet, image_format: ImageFormat
-) -> None:
-    contract(parameter_set, image_format)
+@pytest.mark.parametrize(
+    ("contract", "parameter_set", "image_format"),
+    pairs_daily(CONTRACTS, list(SETS), list(FORMATS)),
+    ids=lambda value: getattr(value, "__name__", value),
+)
+def test_the_set_keeps_the_contract(contract: Contract, parameter_set: str, image_format: str) -> None:
+    contract(SETS[parameter_set], FORMATS[image_format])
 
 
 @pytest.mark.parametrize("name", SETS)
