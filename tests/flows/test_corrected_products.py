@@ -17,10 +17,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from flows.runs.project_run import RunRequest, carry_out
 from tasks.handover.export import export_results
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
-from tests.command_line import aerocal
+from tests.flows.adjustment_alone import adjustment_alone
 
 #: 16 images with radial errors, shifted CCD images and refraction.
 SMALL = (
@@ -60,9 +61,8 @@ def calibrated(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
 
 
 def adjust(project: Path, out: Path, *settings: str) -> None:
-    words = [word for setting in settings for word in ("--set", setting)]
-    done = aerocal("adjust", project, "--out", out, *words)
-    assert done.returncode == 0, done.stderr
+    outcome = carry_out(adjustment_alone, RunRequest(project, out, settings))
+    assert outcome.error is None, outcome.error
 
 
 def without_distortion(project: Path, written: Path) -> Path:

@@ -20,7 +20,6 @@ from adjust.handover.cartesian_map import EARTH_RADIUS_M, CartesianMap, Pose, on
 from adjust.handover.rational import RationalPolynomials
 from flows.command.export_execution import write_export
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.errors import InputError
 from tasks.formats.colmap import read_colmap_image_points
 from tasks.handover.export import export_results
@@ -30,6 +29,7 @@ from tasks.handover.results import Results, read_results
 from tasks.settings.deliver import World
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 from tests.tasks.handover.test_read_back import READ, WITH_THEIR_GROUND, WITHOUT_ORIENTATIONS
 
 SMALLER = (
@@ -50,7 +50,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small adjusted block in UTM, refraction corrected."""
     folder = tmp_path_factory.mktemp("block")
     project = simulate_project(load_simulation("uce-high", SMALLER), folder / "b").project_file
-    outcome = carry_out(aerial_triangulation, RunRequest(project, folder / "results"))
+    outcome = carry_out(adjustment_alone, RunRequest(project, folder / "results"))
     assert outcome.error is None, outcome.error
     return folder / "results"
 

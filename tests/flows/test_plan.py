@@ -13,13 +13,13 @@ import pytest
 
 from flows.command.plan_execution import PlanOptions, execute_plan
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.project_plan import plan_of_project, plan_of_specification
 from tasks.errors import InputError, NotComputableError
 from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "flight_patterns"
 NAMES = (
@@ -349,7 +349,7 @@ def test_a_rig_is_planned_as_its_adjustment_determines_it(
     assert sorted(project.parent.rglob("*")) == before
     free = ",".join(f'"{name}"' for name in planned.request.free)
     overrides = (f"adjustment.free=[{free}]", 'adjustment.sigma0="a_priori"')
-    found = carry_out(aerial_triangulation, RunRequest(project, tmp_path / "out", overrides))
+    found = carry_out(adjustment_alone, RunRequest(project, tmp_path / "out", overrides))
     assert found.error is None, found.error
     adjusted = of_heads(pd.read_parquet(found.directory / "parameters.parquet"))
     assert len(adjusted) == parameters

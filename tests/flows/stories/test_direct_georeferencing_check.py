@@ -18,6 +18,7 @@ from flows.stories.direct_georeferencing_check import direct_georeferencing_chec
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
+from tests.flows.adjustment_alone import adjustment_alone
 from tests.tasks.documents.report.page_reader import Page
 
 CONTROL = (
@@ -83,7 +84,7 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of a calibration flight with two heights' worth of control, seed 1."""
     folder = tmp_path_factory.mktemp("calibration")
     project = simulated(folder, 'project.free=["boresight", "gnss_shift", "focal_length", "principal_point"]')
-    outcome = carry_out(aerial_triangulation, RunRequest(project))
+    outcome = carry_out(adjustment_alone, RunRequest(project))
     assert outcome.error is None
     return folder / "results"
 
