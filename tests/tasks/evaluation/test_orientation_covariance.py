@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -64,7 +65,7 @@ def test_correlations_are_those_of_disturbed_solutions(adjusted: AdjustedBlock, 
 def test_a_table_of_orientations_has_them_in_the_system_they_are_known_in(order: str, written: int) -> None:
     results, _ = flown(Flight())
     known = {name: np.linspace(-0.9, 0.9, len(results.images.names)) for name, _, _ in PAIRS}
-    results.orientations[list(known)] = pd.DataFrame(known)
+    results = replace(results, orientations=results.orientations.assign(**known))
     delivery = Delivery(results, hand_over(results, "map", Freed()), Angles(order, "deg"))
     header, *rows = write_eo_csv(delivery)["eo.csv"].splitlines()
     names = [name for name in header.split(",") if name.startswith("correlation_")]
