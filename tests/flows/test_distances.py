@@ -99,10 +99,12 @@ def test_a_bar_that_is_wrong_is_rejected(delivered: tuple[Path, CloseRange], tmp
     def longer(table: pd.DataFrame) -> None:
         table.loc[0, "distance"] += 0.5
 
-    found = run(changed(delivered[0], tmp_path / "p", longer), "adjustment.rejection={critical_value=4.13}")
+    rejection = "adjustment.rejection={critical_value=4.13}"
+    found = run(changed(delivered[0], tmp_path / "p", longer), rejection, story=aerial_triangulation)
     assert found.summary.distances is not None
     assert found.summary.distances.rejected == 1
     assert any("Distances were rejected as gross errors" in text for text in found.summary.problems)
+    assert "Rejected: " in (found.directory / "report.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,12 @@ from scipy import stats
 
 from adjust.geometry import rotation
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.system_calibration import system_calibration
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
 from tests.close_range import FOCAL_LENGTH_MM, K1, PRINCIPAL_POINT_MM, CloseRange, close_range, write_project
 from tests.flows.adjustment_alone import adjustment_alone
-from tests.flows.calibration_alone import calibration_alone
 
 POSITIONS = ["x", "y", "z"]
 ANGLES = ["heading", "pitch", "roll"]
@@ -169,7 +169,7 @@ def test_sixty_images_of_a_test_field_calibrate_a_camera_of_which_c_alone_is_rou
     generator = np.random.default_rng(13)
     truth = close_range(60, 80, relief, generator)
     write_project(tmp_path, truth, 3e-6, generator)
-    outcome = carry_out(calibration_alone, RunRequest(tmp_path / "project.toml"))
+    outcome = carry_out(system_calibration, RunRequest(tmp_path / "project.toml"))
     assert outcome.error is None, outcome.error
     assert outcome.summary.counts.images == 60
     error = normalized(truth, outcome)

@@ -199,6 +199,7 @@ def test_a_group_that_fits_badly_without_a_cause_stays_among_the_remarks() -> No
         ({"scope": "flight", "part": "1"}, "flight 1"),
         ({"quantity": "control_tilt", "entity": "", "scope": "all", "part": ""}, "the control points"),
         ({"quantity": "convergence", "entity": "", "scope": "all", "part": ""}, "the north of the attitudes"),
+        ({"quantity": "lever_arm", "entity": "1", "scope": "all", "part": ""}, "all exposures"),
     ],
 )
 def test_every_finding_has_a_place(finding: dict[str, object], place: str) -> None:
