@@ -41,7 +41,7 @@ def execute(
 
 def outcome_of(
     request: RunRequest,
-    flow: str,
+    name: str,
     story: Callable[[], Story],
     server: str | None,
     stages: Callable[[], Sequence[str]] | None = None,
@@ -50,8 +50,8 @@ def outcome_of(
 
     Parameters
     ----------
-    flow : name of the flow in `flows.serving.registered`.
-    story : loads what is run in process.
+    name : of the story; its flow has it, with hyphens.
+    story : loads it.
     server : value of the option.
     stages : of the line of progress; None: without it.
     """
@@ -59,9 +59,9 @@ def outcome_of(
     console = show_progress(on_screen=address is None)
     if address is not None:
         prepare_prefect(address)
-        from flows.serving import registered
+        from flows.serving.registered import run_and_report
 
-        return registered.run_and_report(request, getattr(registered, flow))
+        return run_and_report(request, name, story)
     with nullcontext() if stages is None else living_line(console, request.directory, stages()):
         return carry_out(story(), request)
 

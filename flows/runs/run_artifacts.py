@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from flows.runs.project_run import RunOutcome, RunRequest
@@ -15,35 +15,19 @@ from tasks.production.run_record import PUBLISHING, State
 from tasks.production.short_text import ShortText
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 
-#: Name of the failed state of a flight check whose estimates are not what was simulated.
-CONTRADICTS_TRUTH = "ContradictsTruth"
 
-
-def text_of_outcome(
-    outcome: RunOutcome,
-    request: RunRequest,
-    identity: FlowRunIdentity,
-    contradictions: Sequence[str] = (),
-    *,
-    recorded: bool = True,
-) -> ShortText:
-    """The text of a run that has ended with an outcome.
-
-    Parameters
-    ----------
-    contradictions : sentences on estimates that contradict the known truth.
-    recorded : whether the records of production know the run; otherwise its files are not served.
-    """
+def text_of_outcome(outcome: RunOutcome, request: RunRequest, identity: FlowRunIdentity) -> ShortText:
+    """The text of a run that has ended with an outcome."""
     project_file, state = request.project_file.absolute(), state_name(outcome)
-    overview = _overview() if recorded and state in PUBLISHING else None
+    overview = _overview() if state in PUBLISHING else None
     links = [] if overview is None else [("Report", report_address(overview, identity.id, identity.story))]
     place = outcome.place.absolute() if isinstance(outcome.place, Path) else outcome.place
     return ShortText(
         project_name(project_file),
         project_file,
         identity.story,
-        CONTRADICTS_TRUTH if contradictions else state,
-        " ".join(contradictions) or state_message(outcome),
+        state,
+        state_message(outcome),
         outcome.summary.problems if state in PUBLISHING else (),
         str(place),
         [*links, *_page()],

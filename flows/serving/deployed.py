@@ -6,7 +6,7 @@ that are run by hand, so that the dashboard shows all runs of a story together.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -86,6 +86,21 @@ def name_outcome(flow: "Flow[..., Any]", flow_run: FlowRun, state: State[Any]) -
         client.update_flow_run(flow_run.id, name=f"{project} · {story} · {state.name}")
 
 
+def _deployed(
+    name: str, run_name: str | Callable[[], str], description: str | None = None, hours: int = 12
+) -> Callable[[Callable[..., State[None]]], "Flow[..., State[None]]"]:
+    """Make a function a flow whose runs carry their final state in their names."""
+    return flow(
+        name=name,
+        description=description,
+        flow_run_name=run_name,
+        timeout_seconds=hours * _HOUR_S,
+        persist_result=False,
+        on_completion=[name_outcome],
+        on_failure=[name_outcome],
+    )
+
+
 def _confined(
     story: StoryName | Literal["image_quality"],
     project: str,
@@ -131,16 +146,7 @@ def _story_flow(story: StoryName, description: str) -> "Flow[..., State[None]]":
         return _confined(story, project, settings, output)
 
     run.__name__ = story
-    made: Flow[..., State[None]] = flow(
-        name=story.replace("_", "-"),
-        description=description,
-        flow_run_name=run_name,
-        timeout_seconds=12 * _HOUR_S,
-        persist_result=False,
-        on_completion=[name_outcome],
-        on_failure=[name_outcome],
-    )(run)
-    return made
+    return _deployed(story.replace("_", "-"), run_name, description)(run)
 
 
 aerial_triangulation = _story_flow(
@@ -157,14 +163,10 @@ direct_georeferencing_check = _story_flow(
 )
 
 
-@flow(
-    name="image-quality",
-    description="Examine images: effective resolution, noise, defects of the sensor, with certificate.",
-    flow_run_name=run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
+@_deployed(
+    "image-quality",
+    run_name,
+    "Examine images: effective resolution, noise, defects of the sensor, with certificate.",
 )
 def image_quality(project: ProjectParameter, output: OutputParameter = "image-quality") -> State[None]:
     """Examine the images that a file with a table [image_quality] names.
@@ -192,19 +194,7 @@ def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
     return Completed(message=" ".join(scheduled.sentences()))
 
 
-def registry_run_name() -> str:
-    """Name of a new run that searches the registry."""
-    return f"registry · {flow_run.flow_name}"
-
-
-@flow(
-    name="recalibration-due",
-    flow_run_name=registry_run_name,
-    timeout_seconds=_HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
-)
+@_deployed("recalibration-due", "registry · recalibration-due", hours=1)
 def recalibration_due(
     within_days: Days = 30,
     max_age_days: Days = 730,
@@ -247,19 +237,7 @@ def recalibration_due(
     return Failed(name=RECALIBRATION_DUE, message=message)
 
 
-def clean_up_run_name() -> str:
-    """Name of a new clean-up."""
-    return f"output folders · {flow_run.flow_name}"
-
-
-@flow(
-    name="clean-up",
-    flow_run_name=clean_up_run_name,
-    timeout_seconds=12 * _HOUR_S,
-    persist_result=False,
-    on_completion=[name_outcome],
-    on_failure=[name_outcome],
-)
+@_deployed("clean-up", "output folders · clean-up")
 def clean_up(keep_days: Days = KEEP_DAYS, act: Act = "remove") -> State[None]:
     """Remove stored results of stages that have not been used for long; files listed in a manifest are kept.
 

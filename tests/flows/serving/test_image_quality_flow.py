@@ -9,18 +9,25 @@ import pytest
 from flows.runs.examination_request import ExaminationRequest
 from flows.runs.project_run import carry_out
 from flows.stories.image_quality import image_quality as story
-from tests.flows.serving.test_registered import digests
+from tests.flows.serving.test_registered import digests, latest_run
 from tests.flows.test_image_quality import write_image
 
 pytestmark = [pytest.mark.prefect, pytest.mark.usefixtures("prefect_server")]
 
 
-def test_under_prefect_and_in_process_give_the_same_bytes(tmp_path: Path) -> None:
-    from flows.serving.registered import image_quality
+def reported(image: Path, out: Path, *overrides: str) -> tuple[str, str, str]:
+    """Type, name and message of the state that the server has of an examination."""
+    from flows.serving.registered import run_and_report
 
+    run_and_report(ExaminationRequest(image, out, overrides), "image_quality", lambda: story)
+    state = latest_run("image-quality").state
+    assert state is not None
+    return state.type.value, str(state.name), str(state.message)
+
+
+def test_under_prefect_and_in_process_give_the_same_bytes(tmp_path: Path) -> None:
     image = write_image(tmp_path / "one.tif", 3, size=320)
-    state = image_quality(str(image), str(tmp_path / "flow"), return_state=True)
-    assert (state.type.value, state.name) == ("COMPLETED", "Completed")
+    assert reported(image, tmp_path / "flow")[:2] == ("COMPLETED", "Completed")
     outcome = carry_out(story, ExaminationRequest(image))
     assert outcome.directory == tmp_path / "image-quality"
     assert digests(tmp_path / "flow") == digests(tmp_path / "image-quality")
@@ -36,9 +43,7 @@ def test_under_prefect_and_in_process_give_the_same_bytes(tmp_path: Path) -> Non
 def test_what_went_wrong_is_the_name_of_the_state(
     tmp_path: Path, override: str, name: str, word: str
 ) -> None:
-    from flows.serving.registered import image_quality
-
     image = write_image(tmp_path / "one.tif", 3, size=320)
-    state = image_quality(str(image), str(tmp_path / "out"), [override], return_state=True)
-    assert (state.type.value, state.name) == ("FAILED", name)
-    assert word in str(state.message)
+    kind, found, message = reported(image, tmp_path / "out", override)
+    assert (kind, found) == ("FAILED", name)
+    assert word in message

@@ -12,21 +12,43 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, StoryName, carry_out, story_named
 from flows.stories.aerial_triangulation import aerial_triangulation as story
 from tests.command_line import aerocal
 from tests.conftest import Start
 
 if TYPE_CHECKING:
-    from prefect.client.schemas.objects import State
+    from prefect.client.schemas.objects import FlowRun
 
 pytestmark = [pytest.mark.prefect, pytest.mark.usefixtures("prefect_server")]
 
 
-def as_flow(project_file: Path, out: Path, *overrides: str) -> State[None]:
-    from flows.serving.registered import aerial_triangulation
+def reported(request: RunRequest, name: StoryName = "aerial_triangulation") -> RunOutcome:
+    from flows.serving.registered import run_and_report
 
-    return aerial_triangulation(str(project_file), str(out), list(overrides), return_state=True)
+    return run_and_report(request, name, lambda: story_named(name))
+
+
+def latest_run(story: str) -> FlowRun:
+    """The latest run of a story, as the server knows it."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowFilter, FlowFilterName
+    from prefect.client.schemas.sorting import FlowRunSort
+
+    own = FlowFilter(name=FlowFilterName(any_=[story]))
+    with get_client(sync_client=True) as client:
+        (run,) = client.read_flow_runs(flow_filter=own, sort=FlowRunSort.START_TIME_DESC, limit=1)
+    return run
+
+
+def as_flow(
+    project_file: Path, out: Path, *overrides: str, name: StoryName = "aerial_triangulation"
+) -> tuple[FlowRun, str, str, str]:
+    """A run that is reported to the server: as it is there, with type, name and message of its state."""
+    reported(RunRequest(project_file, out, overrides), name)
+    run = latest_run(name.replace("_", "-"))
+    assert run.state is not None
+    return run, run.state.type.value, str(run.state.name), str(run.state.message)
 
 
 def results_of(block: Path) -> Path:
@@ -42,17 +64,17 @@ def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path:
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, TaskRunFilter
 
-    state = as_flow(block, tmp_path / "flow")
-    assert (state.type.value, state.name) == ("COMPLETED", "Completed")
+    run, kind, name, _message = as_flow(block, tmp_path / "flow")
+    assert (kind, name, run.name) == ("COMPLETED", "Completed", "block/project.toml")
+    assert run.parameters["project_file"] == str(block)
     carry_out(story, RunRequest(block, tmp_path / "plain"))
     assert len(digests(tmp_path / "plain")) >= 10
     assert digests(tmp_path / "flow") == digests(tmp_path / "plain")
     for file in digests(tmp_path / "flow"):
         assert (tmp_path / "flow" / file).read_bytes() == (tmp_path / "plain" / file).read_bytes()
-    own = FlowRunFilter(id=FlowRunFilterId(any_=[state.state_details.flow_run_id]))
+    own = FlowRunFilter(id=FlowRunFilterId(any_=[run.id]))
     with get_client(sync_client=True) as client:
         runs = client.read_task_runs(flow_run_filter=own, task_run_filter=TaskRunFilter())
-        assert client.read_flow_run(state.state_details.flow_run_id).name == "block/project.toml"
     assert sorted({run.name.rsplit("-", 1)[0] for run in runs}) == [
         "approximate_values",
         "bundle_adjustment",
@@ -75,9 +97,9 @@ def test_under_prefect_and_in_process_give_the_same_bytes(block: Path, tmp_path:
 def test_what_went_wrong_is_the_name_of_the_state(
     warm_block: Path, override: str, name: str, word: str
 ) -> None:
-    state = as_flow(warm_block, results_of(warm_block), override)
-    assert (state.type.value, state.name) == ("FAILED", name)
-    assert word in str(state.message)
+    _run, kind, found, message = as_flow(warm_block, results_of(warm_block), override)
+    assert (kind, found) == ("FAILED", name)
+    assert word in message
 
 
 def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
@@ -90,9 +112,9 @@ def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
     from flows.serving.registered import show
     from tasks.production.short_text import ShortText
 
-    state = as_flow(warm_block, results_of(warm_block), "gates.sigma0.max=0.71")
+    run = as_flow(warm_block, results_of(warm_block), "gates.sigma0.max=0.71")[0]
     with get_client(sync_client=True) as client:
-        own = ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=[state.state_details.flow_run_id]))
+        own = ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=[run.id]))
         stored = client.read_artifacts(artifact_filter=own)
     (verdict,) = (one for one in stored if str(one.key).endswith("-aerial-triangulation-verdict"))
     assert verdict.type == "markdown"
@@ -113,44 +135,27 @@ def test_a_run_carries_its_verdict_and_one_that_cannot_be_stored_stops_nothing(
     assert "was not stored" in caplog.text
 
 
-def test_a_flight_check_is_a_flow_of_its_own(tmp_path: Path) -> None:
-    from flows.serving.registered import flight_check
-
-    few = ["points.count=300"]
-    state = flight_check("uce-high", str(tmp_path / "flight"), few, return_state=True)
-    assert state.name == "Completed"
-    assert (tmp_path / "flight" / "results" / "report.html").is_file()
-    wrong = flight_check("uce-hihg", str(tmp_path / "wrong"), return_state=True)
-    assert wrong.name == "InputError"
-    assert "uce-high" in wrong.message
-
-
 def test_a_direct_georeferencing_check_is_a_flow_of_its_own(warm_block: Path) -> None:
-    from flows.serving.registered import direct_georeferencing_check
-
     overrides, out = ["direct_georeferencing.calibration=adjustment"], results_of(warm_block)
-    state = direct_georeferencing_check(str(warm_block), str(out), overrides, return_state=True)
-    assert state.name == "Completed"
+    check: StoryName = "direct_georeferencing_check"
+    assert as_flow(warm_block, out, *overrides, name=check)[2] == "Completed"
     assert (out / "georeferencing_check.html").is_file()
     gates = [*overrides, "gates.y_parallax_max_um.max=0.01"]
-    state = direct_georeferencing_check(str(warm_block), str(out), gates, return_state=True)
-    assert (state.name, "y_parallax_max_um" in str(state.message)) == ("GateFailed", True)
+    _run, _kind, name, message = as_flow(warm_block, out, *gates, name=check)
+    assert (name, "y_parallax_max_um" in message) == ("GateFailed", True)
 
 
 def test_nothing_is_kept_by_prefect_itself(block: Path, tmp_path: Path) -> None:
-    state = as_flow(block, tmp_path / "out")
-    assert state.name == "Completed"
+    assert as_flow(block, tmp_path / "out")[2] == "Completed"
     storage = Path(os.environ["PREFECT_HOME"]) / "storage"
     assert not storage.exists() or not any(storage.iterdir())
 
 
 def test_the_outcome_reported_to_a_server_is_the_one_of_the_run(warm_block: Path) -> None:
-    from flows.serving.registered import run_and_report
-
-    done = run_and_report(RunRequest(warm_block))
+    done = reported(RunRequest(warm_block))
     assert done.error is None
     assert done.summary.status == "done"
-    refused = run_and_report(RunRequest(warm_block, overrides=("inputs.exposures.crs=EPSG:0",)))
+    refused = reported(RunRequest(warm_block, overrides=("inputs.exposures.crs=EPSG:0",)))
     assert refused.summary.status == "input_error"
     assert refused.error is not None
 

@@ -18,6 +18,7 @@ import pytest
 from tasks.document_kit.table import NONE
 from tests.command_line import aerocal
 from tests.conftest import Start
+from tests.flows.serving.test_registered import latest_run
 from tests.tasks.documents.report.page_reader import Page
 
 AEROCAL = [sys.executable, "-m", "flows.command"]
@@ -337,21 +338,28 @@ def test_a_sweep_and_an_adjustment_stand_beside_each_other(field: Path, warm_out
 @pytest.mark.prefect
 @pytest.mark.usefixtures("prefect_server")
 def test_a_sweep_is_a_flow_whose_adjustments_are_tasks(field: Path, swept: Path, tmp_path: Path) -> None:
-    from flows.runs.project_run import RunRequest
-    from flows.serving.registered import run_and_report, scenario_sweep
+    from flows.runs.project_run import RunOutcome, RunRequest
+    from flows.serving.registered import run_and_report
+    from flows.stories.scenario_sweep import sweep_of
 
-    overrides = [*SMALLER[1::2], 'sweep.blocks={low=["low"]}', "sweep.variants={none={}}"]
-    state = scenario_sweep(str(field), str(tmp_path / "flow"), overrides, return_state=True)
+    def reported(request: RunRequest) -> RunOutcome:
+        return run_and_report(request, "scenario_sweep", lambda: sweep_of(request))
+
+    overrides = (*SMALLER[1::2], 'sweep.blocks={low=["low"]}', "sweep.variants={none={}}")
+    done = reported(RunRequest(field, tmp_path / "flow", overrides))
+    assert (done.error, done.summary.status) == (None, "done")
+    state = latest_run("scenario-sweep").state
+    assert state is not None
     assert (state.type.value, state.name) == ("COMPLETED", "Completed")
     flow, plain = results(tmp_path / "flow"), results(swept)
     assert list(flow.index) == ["low|84/0|none", "low|5/79|none"]
     figures = flow.columns.difference(["number"])
     pd.testing.assert_frame_equal(flow[figures], plain.loc[flow.index, figures], check_exact=True)
-    again = run_and_report(RunRequest(field, tmp_path / "flow", tuple(overrides)), scenario_sweep)
+    again = reported(RunRequest(field, tmp_path / "flow", overrides))
     assert again.error is None
     assert len((again.summary.model_extra or {})["sweep"]) == 2
     wrong = RunRequest(field, tmp_path / "wrong", ("sweep.blocks.low.flights=[]",))
-    assert run_and_report(wrong, scenario_sweep).summary.status == "input_error"
+    assert reported(wrong).summary.status == "input_error"
 
 
 def test_the_maps_show_the_errors_that_the_parameters_of_a_variant_stand_for(
