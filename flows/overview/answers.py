@@ -16,7 +16,7 @@ from flows.overview.sources import Sources
 from tasks.errors import AerocalError
 from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Revision, tally_of
 from tasks.production.documents import documents_of
-from tasks.production.project_row import trend_of
+from tasks.production.project_row import with_figures
 
 _FAILED = ("GateFailed", *WRONG_INPUT, *BROKEN)
 _FAILURES = 15
@@ -98,18 +98,20 @@ class Answers:
     def follow(self, _revision: dict[str, Any]) -> tuple[Any, Any, Any]:
         """Trends of σ0 and of RMS at check points, and the last failures."""
         rows = self.sources.board.rows()
-        points = trend_of(rows)
+        shown = with_figures(rows)
         try:
             failed = self.sources.records.runs(states=_FAILED, most=_FAILURES)
         except AerocalError as error:
             return no_update, no_update, html.Div(str(error), className="empty")
-        passed = {(row.project_file, row.story): row.changed for row in rows if row.state == "Completed"}
+        passed = {
+            (row.run.project_file, row.run.story): row.changed for row in rows if row.run.state == "Completed"
+        }
         since = {
             run.id
             for run in failed
             if (last := passed.get((run.project_file, run.story))) is not None and last > run.scheduled
         }
-        sigma0, rmse = plots.sigma0_figure(points), plots.rmse_figure(points)
+        sigma0, rmse = plots.sigma0_figure(shown), plots.rmse_figure(shown)
         return (
             _plot(sigma0, "No project has been adjusted yet.", {"trend": "sigma0"}),
             _plot(rmse, "No project with check points has been adjusted yet.", {"trend": "rmse"}),
@@ -173,7 +175,7 @@ def _news(changes: Changes) -> Any:
     """What the grid does not show yet, judged by what the browser says it has."""
     if changes.is_empty:
         return no_update
-    rows = [row_data(row) for row in (*changes.added, *changes.updated)]
+    rows = [row_data(row) for row in changes.rows]
     return {"whole": changes.whole, "rows": rows, "removed": list(changes.removed)}
 
 

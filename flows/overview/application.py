@@ -80,7 +80,7 @@ def _page(sources: Sources) -> Any:
     try:
         changes = sources.board.changes(None)
     except AerocalError as error:
-        changes = Changes(Revision("", 0), True, (), (), ())
+        changes = Changes(Revision("", 0), True, (), ())
         # The next look says it as well, where it stays until it is over.
         return html.Div([html.Div(str(error), className="silent"), page(changes, *places(sources))])
     return page(changes, *places(sources))

@@ -58,7 +58,7 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
             html.Div(id="silent", className="silent", role="alert"),
             html.Div(id="trouble"),
             html.Div(id="cards", className="cards"),
-            html.Section(_projects(changes.added, dashboard, roots), id="projects-section"),
+            html.Section(_projects(changes.rows, dashboard, roots), id="projects-section"),
             html.Div(
                 [
                     html.Section([html.H2("Queue"), html.Div(id="queue")], id="queue-section"),

@@ -10,7 +10,7 @@ from datetime import date, timedelta
 from html import escape
 from typing import Any
 
-from tasks.production.project_row import TrendPoint, any_of
+from tasks.production.project_row import ProjectRow
 from tasks.quantities import quantity_words, shown
 from tasks.registry.series import SeriesPoint
 from tasks.registry.watch import RegistryWatch, WatchedSeries
@@ -22,74 +22,66 @@ BLUE, ORANGE, GREEN, PINK, GREY, INK = "#0072B2", "#D55E00", "#009E73", "#CC79A7
 _AXES = (("x", BLUE, "circle"), ("y", GREEN, "square"), ("z", PINK, "diamond"))
 
 
-def sigma0_figure(points: Sequence[TrendPoint]) -> Figure | None:
+def sigma0_figure(rows: Sequence[ProjectRow]) -> Figure | None:
     """σ0 of every project; None without any."""
-    shown = [point for point in points if point.sigma0 is not None]
-    if not shown:
+    found = [row for row in rows if row.run.figures.sigma0 is not None]
+    if not found:
         return None
+    kinds = (("passed", BLUE, "circle"), ("a gate failed", ORANGE, "triangle-up"))
     traces = [
-        _gate_strokes(shown, [point.sigma0_limit for point in shown], "gate"),
+        _gate_strokes(found, "sigma0", "gate"),
         *(
             _figures(
-                [point for point in shown if point.passed == passed],
-                lambda point: point.sigma0,
+                [row for row in found if (row.run.state == "Completed") == (name == "passed")],
+                lambda row: row.run.figures.sigma0,
                 name,
                 {"color": colour, "symbol": symbol, "size": 9},
                 "σ0 %{y:.3f}",
             )
-            for passed, name, colour, symbol in (
-                (True, "passed", BLUE, "circle"),
-                (False, "a gate failed", ORANGE, "triangle-up"),
-            )
+            for name, colour, symbol in kinds
         ),
     ]
     return {"data": [one for one in traces if one["x"]], "layout": layout("σ0")}
 
 
-def rmse_figure(points: Sequence[TrendPoint]) -> Figure | None:
+def rmse_figure(rows: Sequence[ProjectRow]) -> Figure | None:
     """RMSE of the check points of every project, x, y and z; None without any."""
-    shown = [point for point in points if any_of(point.rmse_check_m)]
-    if not shown:
-        return None
     traces = []
     for index, (axis, colour, symbol) in enumerate(_AXES):
-        there = [point for point in shown if point.rmse_check_m[index] is not None]
-        limits = [point.rmse_limit_m[index] for point in there]
-        traces.append(_gate_strokes(there, limits, f"gate {axis}", colour))
+        there = [row for row in rows if row.run.figures.rmse_check_m[index] is not None]
+        traces.append(_gate_strokes(there, f"rmse_check_m_{axis}", f"gate {axis}", colour))
         marker = {"color": colour, "symbol": symbol, "size": 8}
+        told = axis + " %{y:.3f} m"
         traces.append(
-            _figures(there, lambda p, i=index: p.rmse_check_m[i], axis, marker, axis + " %{y:.3f} m")
+            _figures(there, lambda row, i=index: row.run.figures.rmse_check_m[i], axis, marker, told)
         )
-    return {
-        "data": [one for one in traces if one["x"]],
-        "layout": layout("RMSE [m]", type="log", dtick="D2", tickformat=".3~f"),
-    }
+    drawn = [one for one in traces if one["x"]]
+    axis_of_figures = layout("RMSE [m]", type="log", dtick="D2", tickformat=".3~f")
+    return {"data": drawn, "layout": axis_of_figures} if drawn else None
 
 
-def _figures(points: Sequence[TrendPoint], value: Any, name: str, marker: Figure, told: str) -> Figure:
+def _figures(rows: Sequence[ProjectRow], value: Any, name: str, marker: Figure, told: str) -> Figure:
     return {
         "type": "scatter",
         "mode": "markers",
         "name": name,
-        "x": [point.ended.isoformat(timespec="seconds") for point in points],
-        "y": [value(point) for point in points],
+        "x": [row.changed.isoformat(timespec="seconds") for row in rows],
+        "y": [value(row) for row in rows],
         # Texts over a plot may hold marks of their own; a project's name is none.
-        "customdata": [[escape(point.project), escape(point.story), point.run] for point in points],
+        "customdata": [[escape(row.run.project), escape(row.run.story), row.run.id] for row in rows],
         "marker": marker,
         "hovertemplate": f"<b>%{{customdata[0]}}</b><br>%{{customdata[1]}}<br>{told}<extra></extra>",
     }
 
 
-def _gate_strokes(
-    points: Sequence[TrendPoint], limits: Sequence[float | None], name: str, colour: str = INK
-) -> Figure:
+def _gate_strokes(rows: Sequence[ProjectRow], gate: str, name: str, colour: str = INK) -> Figure:
     """A short stroke at the limit of each project that has one."""
-    found = [(point, limit) for point, limit in zip(points, limits, strict=True) if limit is not None]
+    found = [(row, limit) for row in rows if (limit := row.limit(gate)) is not None]
     return {
         "type": "scatter",
         "mode": "markers",
         "name": name,
-        "x": [point.ended.isoformat(timespec="seconds") for point, _ in found],
+        "x": [row.changed.isoformat(timespec="seconds") for row, _ in found],
         "y": [limit for _, limit in found],
         "marker": {"symbol": "line-ew", "size": 14, "line": {"color": colour, "width": 1.5}},
         "hovertemplate": f"{name} %{{y:.4g}}<extra></extra>",

@@ -67,7 +67,7 @@ def project_grid(rows: Sequence[ProjectRow], dashboard: str) -> dag.AgGrid:
 
 def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
     """The columns; stages that no project has are hidden."""
-    used = {stage for row in rows for stage in (*stages_of(row.story), *row.stages)}
+    used = {stage for row in rows for stage in (*stages_of(row.run.story), *row.stages)}
     return [
         {"field": "project", "headerName": "Project", "pinned": "left", "width": 164, "tooltipField": "file",
          "cellClass": "project"},
@@ -86,8 +86,8 @@ def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
         _figure("rmse_z", "RMSE z [m]", "RMSE of the check points, z [m]", 62),
         *(
             _figure(f"trust_{name}", f"σ new {name} [m]", f"Trust map: σ of new points {words}", 70)
-            | {"hide": not any(row.trust_map_m[at] is not None for row in rows)}
-            for at, (name, words) in enumerate((("plan", "in plan"), ("height", "in height")))
+            | {"hide": not any(getattr(row.run.figures, f"trust_map_{name}_m") is not None for row in rows)}
+            for name, words in (("plan", "in plan"), ("height", "in height"))
         ),
         {"field": "gates", "headerName": "Gates passed", "width": 148, "cellRenderer": "GatesCell",
          "tooltipField": "gates", "comparator": {"function": "byGates"}},
@@ -141,29 +141,29 @@ _GATE_OF_COLUMN = {
 
 def row_data(row: ProjectRow) -> dict[str, Any]:
     """A row as the browser gets it: plain values, times as ISO 8601, no missing values."""
-    failed = row.failed_gates
-    passed = len(row.gates) - len(failed)
-    x, y, z = row.rmse_check_m
+    run, figures, failed = row.run, row.run.figures, row.failed_gates
+    passed = len(figures.gates) - len(failed)
+    x, y, z = figures.rmse_check_m
     values = {
         "key": row.key,
-        "run": row.run,
-        "project": row.project,
-        "file": row.project_file or None,
-        "story": STORY_LABELS.get(row.story, row.story),
-        "state": row.state,
-        "message": row.message or None,
+        "run": run.id,
+        "project": run.project,
+        "file": run.project_file or None,
+        "story": STORY_LABELS.get(run.story, run.story),
+        "state": run.state,
+        "message": run.message or None,
         "stages": dict(row.stages),
         "changed": row.changed.isoformat(timespec="seconds"),
-        "begun": row.begun.isoformat(timespec="seconds") if row.begun and row.ended is None else None,
+        "begun": run.begun.isoformat(timespec="seconds") if run.begun and run.ended is None else None,
         "seconds": None if row.seconds is None else round(row.seconds, 1),
-        "sigma0": row.sigma0,
+        "sigma0": figures.sigma0,
         "rmse_x": x,
         "rmse_y": y,
         "rmse_z": z,
-        "trust_plan": row.trust_map_m[0],
-        "trust_height": row.trust_map_m[1],
-        "gates": f"{passed} of {len(row.gates)}" + (f": {', '.join(failed)}" if failed else "")
-        if row.gates
+        "trust_plan": figures.trust_map_plan_m,
+        "trust_height": figures.trust_map_height_m,
+        "gates": f"{passed} of {len(figures.gates)}" + (f": {', '.join(failed)}" if failed else "")
+        if figures.gates
         else None,
         "beyond": [column for column, gate in _GATE_OF_COLUMN.items() if gate in failed] or None,
         "problem": row.problem,

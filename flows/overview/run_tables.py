@@ -13,7 +13,7 @@ from flows.overview.layout import in_words
 from flows.overview.project_grid import STORY_LABELS
 from flows.overview.sources import QueuedRun, ServerView
 from flows.server.watch import InboxNews
-from tasks.production.project_row import gates_of, in_project, problems_of
+from tasks.production.project_row import in_project, problems_of
 from tasks.production.run_record import RunRecord
 from tasks.production.short_text import REMEDIES
 from tasks.quantities import unit_words
@@ -127,10 +127,10 @@ def detail_part(
         parts.append(html.P(run.message))
     if run.state in REMEDIES:
         parts += [html.H3("What to do"), html.P(REMEDIES[run.state])]
-    if gates := gates_of(run.summary or {}):
+    if run.figures.gates:
         rows = [
             (gate.name, _figure(gate), _bound(gate), "passed" if gate.passed else "▲ not passed")
-            for gate in gates
+            for gate in run.figures.gates
         ]
         parts += [html.H3("Gates"), _table(("Figure", "Value", "Limit", ""), rows)]
     older = [

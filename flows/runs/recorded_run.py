@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
@@ -18,7 +18,7 @@ from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
 from tasks.files.json_text import JSON
 from tasks.patience import Patience
-from tasks.production.notice import notice_of_run
+from tasks.production.notice import KINDS, Notice
 from tasks.production.records import Records, configured_records, project_name, write_notice
 from tasks.production.run_record import RunRecord, State
 from tasks.production.stage_states import stages_since
@@ -99,15 +99,24 @@ def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
 def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> None:
     """Put into the outbox that a calibration is due or the check failed; such runs have no record."""
     records = configured_records()
-    run = {"id": identity.id, "project": "registry", "story": identity.story, "state": state}
-    notice = notice_of_run({**run, "message": message, "directory": ""}, None, utc_now())
-    if records is None or notice is None:
+    if records is None:
         return
+    # Without a record nobody knows whether the run has been told before; so it is told once.
+    notice = Notice(
+        f"{identity.id}:{state}",
+        KINDS[state],
+        identity.id,
+        "registry",
+        identity.story,
+        state,
+        message,
+        "",
+        utc_now(),
+    )
 
     def write() -> None:
         with records.writing() as connection:
-            # Without a record nobody knows whether the run has been told before; so it is told once.
-            write_notice(connection, replace(notice, id=f"{identity.id}:{state}"))
+            write_notice(connection, notice)
 
     _noted(write, _PATIENCE_END)
 

@@ -17,7 +17,7 @@ from datetime import datetime
 from tasks.production.project_row import ProjectRow, project_row
 from tasks.production.project_row import key_of as project_key
 from tasks.production.records import LatestRun, Records
-from tasks.production.run_record import RunRecord, StageTime
+from tasks.production.run_record import RunRecord
 from tasks.production.stage_states import stages_so_far
 
 
@@ -42,32 +42,28 @@ class Changes:
     Attributes
     ----------
     revision : up to which change.
-    whole : whether `added` is everything there is, and what was shown before is to be forgotten.
-    added, updated : rows.
+    whole : whether `rows` is everything there is, and what was shown before is to be forgotten.
+    rows : those that are new or have changed.
     removed : keys of rows that are gone.
     """
 
     revision: Revision
     whole: bool
-    added: tuple[ProjectRow, ...]
-    updated: tuple[ProjectRow, ...]
+    rows: tuple[ProjectRow, ...]
     removed: tuple[str, ...]
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing is new."""
-        return not (self.whole or self.added or self.updated or self.removed)
+        return not (self.whole or self.rows or self.removed)
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Kept:
-    """A row with what it was made from, the change it came with and the one it appeared with."""
+    """A row, what it was made from, and the change it came with."""
 
     latest: LatestRun
-    record: RunRecord
-    done: tuple[StageTime, ...] | None
     row: ProjectRow
-    appeared: int
     changed: int
 
 
@@ -105,36 +101,32 @@ class Board:
             self._read()
             revision = Revision(self._name, self._number)
             if since is None or since.board != self._name:
-                return Changes(revision, True, tuple(one.row for one in self._kept.values()), (), ())
-            new = [one for one in self._kept.values() if one.changed > since.number]
+                return Changes(revision, True, tuple(one.row for one in self._kept.values()), ())
             return Changes(
                 revision,
                 False,
-                tuple(one.row for one in new if one.appeared > since.number),
-                tuple(one.row for one in new if one.appeared <= since.number),
+                tuple(one.row for one in self._kept.values() if one.changed > since.number),
                 tuple(key for key, number in self._removed.items() if number > since.number),
             )
 
     def _read(self) -> None:
         """Read what has changed in the records and in the output folders of active runs."""
         found = {one.id: one for one in self.records.latest()}
-        known = {one.record.id: one for one in self._kept.values()}
+        known = {one.row.run.id: one for one in self._kept.values()}
         news = [id for id, latest in found.items() if id not in known or known[id].latest != latest]
-        fresh = {record.id: record for record in self.records.runs_with(news)}
-        again = [
-            one.record for one in known.values() if one.record.state == "Running" and one.record.id in found
+        fresh = {run.id: run for run in self.records.runs_with(news)}
+        in_work = [
+            one.row.run
+            for id, one in known.items()
+            if one.row.run.state == "Running" and id in found and id not in fresh
         ]
         number = self._number + 1
-        keys: set[str] = set()
-        in_work = (record for record in again if record.id in found and record.id not in fresh)
-        for record in (*fresh.values(), *in_work):
-            keys.add(self._take(record, found[record.id], number))
+        keys = {self._take(run, found[run.id], number) for run in (*fresh.values(), *in_work)}
         # A run that waits may not know its project file yet; when it begins it has another key.
         gone = {
             key
             for key, one in self._kept.items()
-            if one.record.id not in found
-            or (one.record.id in fresh and project_key(fresh[one.record.id]) != key)
+            if (id := one.row.run.id) not in found or (id in fresh and project_key(fresh[id]) != key)
         }
         for key in gone:
             del self._kept[key]
@@ -142,15 +134,13 @@ class Board:
         if gone or any(self._kept[key].changed == number for key in keys):
             self._number = number
 
-    def _take(self, record: RunRecord, latest: LatestRun, number: int) -> str:
-        done = stages_so_far(record) if record.state == "Running" else None
-        row = project_row(record, runs=latest.runs, has_results=latest.has_results, done=done)
+    def _take(self, run: RunRecord, latest: LatestRun, number: int) -> str:
+        done = stages_so_far(run) if run.state == "Running" else run.stages
+        row = project_row(run, runs=latest.runs, has_results=latest.has_results, done=done)
         before = self._kept.get(row.key)
-        if before is None:
-            self._kept[row.key] = _Kept(latest, record, done, row, number, number)
+        if before is None or before.row != row or before.latest != latest:
+            self._kept[row.key] = _Kept(latest, row, number)
             self._removed.pop(row.key, None)
-        elif before.row != row or before.latest != latest:
-            self._kept[row.key] = _Kept(latest, record, done, row, before.appeared, number)
         return row.key
 
 
@@ -184,12 +174,12 @@ BROKEN = ("Failed", "TimedOut", "Crashed", "Cancelled")
 
 def tally_of(rows: Sequence[ProjectRow]) -> Tally:
     """Count the rows by their state."""
-    count = Counter(row.state for row in rows)
+    count = Counter(row.run.state for row in rows)
 
     def of(states: Collection[str]) -> int:
         return sum(number for state, number in count.items() if state in states)
 
-    waiting = [row.scheduled for row in rows if row.state == "Scheduled"]
+    waiting = [row.run.scheduled for row in rows if row.run.state == "Scheduled"]
     return Tally(
         count["Completed"],
         count["GateFailed"],

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Literal, TypeAlias, cast, get_args
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, get_args
 from urllib.parse import quote
 
+from pydantic import TypeAdapter
+
 from tasks.errors import InputError
-from tasks.files.json_text import JSON, finite, from_json, json_text
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import visible
+from tasks.production.run_record import RunRecord
+from tasks.results.quality_gates import GateResult
 
 #: What a notice is about: a failed gate, a run without result, a calibration that is due, a run that is done.
 NoticeKind: TypeAlias = Literal["gate", "failure", "recalibration", "success"]
 #: What is told unless something else is required.
 USUAL: tuple[NoticeKind, ...] = ("gate", "failure", "recalibration")
 
-_KINDS: Mapping[str, NoticeKind] = {
+#: What a notice about a run is about, by its state; no notice about other states.
+KINDS: Mapping[str, NoticeKind] = {
     "GateFailed": "gate",
     "InputError": "failure",
     "NotComputable": "failure",
@@ -75,7 +78,7 @@ class Notice:
     ended: str
     problems: tuple[str, ...] = ()
     sigma0: float | None = None
-    gates: tuple[Mapping[str, JSON], ...] = field(default=())
+    gates: tuple[GateResult, ...] = ()
 
     @property
     def subject(self) -> str:
@@ -84,7 +87,7 @@ class Notice:
 
     def text(self, links: Links) -> str:
         """The message as plain text."""
-        parts = [self.message, *_gate_lines(self.gates)]
+        parts = [self.message, *(_unmet(gate) for gate in self.gates if not gate.passed)]
         if self.sigma0 is not None:
             parts.append(f"sigma0 = {self.sigma0:.3f}")
         lines = [_line(part) for part in parts if part]
@@ -108,16 +111,16 @@ class Notice:
             found["run"] = f"{links.dashboard}/v2/runs/flow-run/{run}"
         return found
 
-    def payload(self, links: Links) -> dict[str, JSON]:
+    def payload(self, links: Links) -> dict[str, Any]:
         """The notice for programs."""
-        return {**self._content(), "links": cast(JSON, self.addresses(links))}
+        return {**_NOTICE.dump_python(self, mode="json"), "links": self.addresses(links)}
 
     def to_text(self) -> str:
         """For the outbox."""
-        return json_text(self._content())
+        return _NOTICE.dump_json(self).decode()
 
-    def _content(self) -> dict[str, JSON]:
-        return cast(dict[str, JSON], finite(from_json(json.dumps(asdict(self)))))
+
+_NOTICE = TypeAdapter(Notice)
 
 
 def report_address(overview: str, run: str, story: str) -> str:
@@ -127,35 +130,30 @@ def report_address(overview: str, run: str, story: str) -> str:
 
 def notice_from(text: str) -> Notice:
     """A notice from the text of `Notice.to_text`."""
-    content = from_json(text)
-    lists = {name: tuple(content[name]) for name in ("problems", "gates")}
-    return Notice(**{**content, **lists})
+    return _NOTICE.validate_json(text)
 
 
-def notice_of_run(run: Mapping[str, object], summary: Mapping[str, JSON] | None, ended: str) -> Notice | None:
-    """The notice of a run that has ended; None if its state needs no notice (cancelled).
-
-    Parameters
-    ----------
-    run : id, project, story, state, message and directory.
-    ended : when; a run that is started again ends another time, and that is told, too.
-    """
-    texts = {name: str(run[name]) for name in ("project", "story", "state", "message", "directory")}
-    kind = _KINDS.get(texts["state"])
-    if kind is None:
+def notice_of_run(run: RunRecord) -> Notice | None:
+    """The notice of a run that has ended; None if its state needs no notice (cancelled)."""
+    kind = KINDS.get(run.state)
+    if kind is None or run.ended is None:
         return None
-    figures = summary or {}
-    problems, gates, sigma0 = (figures.get(name) for name in ("problems", "gates", "sigma0"))
+    # A run that is started again ends another time, and that is told, too.
+    ended = run.ended.isoformat(timespec="milliseconds")
     return Notice(
-        id=f"{run['id']}:{ended}",
-        kind=kind,
-        run=str(run["id"]),
-        ended=ended,
+        f"{run.id}:{ended}",
+        kind,
+        run.id,
+        run.project,
+        run.story,
+        run.state,
+        run.message,
+        run.directory,
+        ended,
         # Without a result the only problem is the message.
-        problems=_texts(problems) if kind in ("gate", "success") else (),
-        sigma0=float(sigma0) if isinstance(sigma0, int | float) else None,
-        gates=tuple(gate for gate in gates if isinstance(gate, Mapping)) if isinstance(gates, list) else (),
-        **texts,
+        run.figures.problems if kind in ("gate", "success") else (),
+        run.figures.sigma0,
+        run.figures.gates,
     )
 
 
@@ -177,26 +175,11 @@ def wanted_kinds(text: str) -> frozenset[NoticeKind]:
     return frozenset(kind for kind in kinds if kind in names)
 
 
-def _gate_lines(gates: Sequence[Mapping[str, JSON]]) -> list[str]:
-    """The limits that are not met."""
-    lines = []
-    for gate in gates:
-        if gate.get("passed") is False:
-            sign = ">=" if gate.get("bound") == "min" else "<="
-            unit = "" if gate.get("unit") == "1" else f" {gate.get('unit')}"
-            lines.append(
-                f"Not met: {gate.get('name')} = {_figure(gate.get('value'))}{unit}, limit {sign} "
-                f"{_figure(gate.get('limit'))}{unit}"
-            )
-    return lines
-
-
-def _figure(value: JSON) -> str:
-    return f"{value:.4g}" if isinstance(value, int | float) else "none"
-
-
-def _texts(value: JSON) -> tuple[str, ...]:
-    return tuple(str(one) for one in value) if isinstance(value, list) else ()
+def _unmet(gate: GateResult) -> str:
+    """A limit that is not met."""
+    sign, unit = ">=" if gate.bound == "min" else "<=", "" if gate.unit == "1" else f" {gate.unit}"
+    value = "none" if gate.value is None else f"{gate.value:.4g}"
+    return f"Not met: {gate.name} = {value}{unit}, limit {sign} {gate.limit:.4g}{unit}"
 
 
 def _line(text: str) -> str:

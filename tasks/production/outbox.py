@@ -61,7 +61,7 @@ class Outbox:
         """State of a notice for an address; None: it was never sent there."""
         own = (NOTICE_DELIVERIES.c.notice == notice.id) & (NOTICE_DELIVERIES.c.address == address.key)
         for row in self.records.rows(select(NOTICE_DELIVERIES).where(own)):
-            return Delivery(row.state, row.attempts, datetime.fromisoformat(row.due), row.said)
+            return Delivery(row.state, row.attempts, row.due, row.said)
         return None
 
     def note(
@@ -75,7 +75,7 @@ class Outbox:
         if not sent.accepted and age > patience.total_s:
             state = "given_up"
         due = now + timedelta(seconds=patience.pause_s(attempts))
-        values = {"state": state, "attempts": attempts, "due": due.isoformat(), "said": sent.said}
+        values = {"state": state, "attempts": attempts, "due": due, "said": sent.said}
         own = (NOTICE_DELIVERIES.c.notice == notice.id) & (NOTICE_DELIVERIES.c.address == address.key)
         with self.records.writing() as connection:
             if connection.execute(update(NOTICE_DELIVERIES).where(own).values(**values)).rowcount == 0:
@@ -86,7 +86,7 @@ class Outbox:
 
     def close(self, notices: Sequence[Notice]) -> None:
         """Mark notices as finished."""
-        now = datetime.now(UTC).isoformat()
+        now = datetime.now(UTC)
         with self.records.writing() as connection:
             for notice in notices:
                 connection.execute(update(NOTICES).where(NOTICES.c.id == notice.id).values(closed=now))

@@ -11,7 +11,7 @@ import os
 import socket
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -23,18 +23,18 @@ from tasks.database.engine import connected_for_reading, connected_for_writing, 
 from tasks.database.errors import in_words
 from tasks.errors import InputError
 from tasks.files.installation import writing_into
-from tasks.files.json_text import JSON, finite, json_text
+from tasks.files.json_text import JSON
 from tasks.production.notice import Notice, notice_of_run
-from tasks.production.record_rows import as_record, as_row, ending, stages_text, time_text
 from tasks.production.run_record import (
     DECIDED,
-    ENDED,
     LONGEST_PAUSE_S,
     PUBLISHING,
     SWEEP,
+    RunFigures,
     RunRecord,
     StageTime,
     State,
+    ending,
 )
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
@@ -55,15 +55,15 @@ class LatestRun:
 
     Attributes
     ----------
-    id, state, begun, ended, attempts : as of `RunRecord`, times as text.
+    id, state, begun, ended, attempts : as of `RunRecord`.
     runs : how many runs there are.
     has_results : whether its output folder holds what this run has published.
     """
 
     id: str
     state: str
-    begun: str | None
-    ended: str | None
+    begun: datetime | None
+    ended: datetime | None
     attempts: int
     runs: int
     has_results: bool
@@ -94,55 +94,57 @@ class Records:
     def schedule(self, run: RunRecord) -> None:
         """Record a run that will begin; for a known one, only the delivery it is for."""
         with self.writing() as connection:
-            known = _row_of(connection, run.id)
+            known = _record_of(connection, run.id)
             if known is None:
-                connection.execute(insert(RUNS).values(**as_row(run)))
+                _insert(connection, run)
             elif known.delivery is None and run.delivery is not None:
                 # It was started before whoever scheduled it came to note it.
-                _update(connection, run.id, {"delivery": run.delivery})
+                _update(connection, run.id, delivery=run.delivery)
 
     def begin(self, run: RunRecord) -> None:
         """Record that a run begins in this process, for the first time or again."""
-        values = {**as_row(run), "state": "Running", "begun": time_text(datetime.now(UTC)), "ended": None}
-        values |= {"host": socket.gethostname(), "process": os.getpid(), "attempts": 1, "again_at": None}
+        begun = replace(
+            run,
+            state="Running",
+            begun=datetime.now(UTC),
+            ended=None,
+            again_at=None,
+            attempts=1,
+            host=socket.gethostname(),
+            process=os.getpid(),
+        )
         with self.writing() as connection:
-            known = _row_of(connection, run.id)
+            known = _record_of(connection, run.id)
             if known is None:
-                connection.execute(insert(RUNS).values(**values))
+                _insert(connection, begun)
                 return
             # After an end that was to stay, somebody has requested it again.
-            asked_anew = known.state in ENDED and known.again_at is None
-            values |= {
-                "attempts": 1 if asked_anew else known.attempts,
-                "delivery": known.delivery,
-                "scheduled": known.scheduled,
-            }
-            _update(connection, run.id, values)
+            attempts = 1 if known.has_ended else known.attempts
+            begun = replace(begun, attempts=attempts, delivery=known.delivery, scheduled=known.scheduled)
+            _update(connection, run.id, **_values(begun))
 
     def reschedule(self, run_id: str, message: str) -> None:
         """Record that a run which had started waits for a requested restart."""
-        values = {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
         with self.writing() as connection:
-            _update(connection, run_id, values)
+            _update(connection, run_id, **_waiting(message))
 
     def begin_again(self, run: RunRecord, message: str) -> bool:
         """Record that a due run is to be restarted; False if it is no longer due.
 
         Of several that find the same run due, one gets True.
         """
-        values = {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
         due = (RUNS.c.id == run.id) & RUNS.c.again_at.is_not(None) & (RUNS.c.attempts == run.attempts)
+        values = {**_waiting(message), "attempts": run.attempts + 1}
         with self.writing() as connection:
-            done = connection.execute(update(RUNS).where(due).values(**values, attempts=run.attempts + 1))
-            return done.rowcount == 1
+            return connection.execute(update(RUNS).where(due).values(values)).rowcount == 1
 
     def give_up(self, run_id: str) -> None:
         """Record that an ended run is not restarted automatically."""
         with self.writing() as connection:
-            known = _row_of(connection, run_id)
+            known = _record_of(connection, run_id)
             if known is not None and known.again_at is not None:
-                _update(connection, run_id, {"again_at": None})
-                _tell(connection, run_id, None)
+                _update(connection, run_id, again_at=None)
+                _tell(connection, run_id)
 
     def end(
         self,
@@ -163,16 +165,12 @@ class Records:
         ----------
         may_pass : whether the reason lies with the machine and may be gone another time.
         """
-        values = {
-            "stages": stages_text(stages),
-            "failed_stage": failed_stage,
-            "summary": None if summary is None else json_text(finite(summary)),
-        }
         with self.writing() as connection:
-            known = _row_of(connection, run_id)
+            known = _record_of(connection, run_id)
             if known is not None and known.state not in DECIDED:
-                _update(connection, run_id, {**ending(known, state, message, may_pass), **values})
-                _tell(connection, run_id, summary)
+                end = ending(known.attempts, state, message, may_pass=may_pass)
+                _update(connection, run_id, **end, stages=stages, failed_stage=failed_stage, summary=summary)
+                _tell(connection, run_id)
 
     def lose(self, run_id: str, state: State, message: str, *, may_pass: bool = True) -> None:
         """Record how a run ended that could not report it; nothing if it has ended or is unknown.
@@ -182,10 +180,10 @@ class Records:
         may_pass : as of `end`; of the states, only some are started again (`tasks.production.run_record`).
         """
         with self.writing() as connection:
-            known = _row_of(connection, run_id)
+            known = _record_of(connection, run_id)
             if known is not None and known.ended is None:
-                _update(connection, run_id, ending(known, state, message, may_pass))
-                _tell(connection, run_id, None)
+                _update(connection, run_id, **ending(known.attempts, state, message, may_pass=may_pass))
+                _tell(connection, run_id)
 
     def runs(
         self, states: Collection[str] | None = None, since: datetime | None = None, most: int | None = None
@@ -202,7 +200,7 @@ class Records:
         if states is not None:
             chosen = chosen.where(RUNS.c.state.in_(sorted(states)))
         if since is not None:
-            chosen = chosen.where(RUNS.c.scheduled >= time_text(since))
+            chosen = chosen.where(RUNS.c.scheduled >= since)
         return self._read(chosen)
 
     def due(self, now: datetime) -> tuple[RunRecord, ...]:
@@ -211,7 +209,7 @@ class Records:
         One that is due later than any pause is long was written by a clock that runs ahead: it is due.
         """
         beyond = now + timedelta(seconds=LONGEST_PAUSE_S)
-        due = (RUNS.c.again_at <= time_text(now)) | (RUNS.c.again_at > time_text(beyond))
+        due = (RUNS.c.again_at <= now) | (RUNS.c.again_at > beyond)
         return self._read(select(RUNS).where(due).order_by(RUNS.c.again_at))
 
     def run(self, run_id: str) -> RunRecord | None:
@@ -262,10 +260,7 @@ class Records:
             RUNS.c.story, RUNS.c.state, func.count().label("number"), func.max(RUNS.c.ended).label("last")
         )
         rows = self.rows(chosen.group_by(RUNS.c.story, RUNS.c.state).order_by(RUNS.c.story, RUNS.c.state))
-        return tuple(
-            (row.story, row.state, row.number, None if row.last is None else datetime.fromisoformat(row.last))
-            for row in rows
-        )
+        return tuple((row.story, row.state, row.number, row.last) for row in rows)
 
     def holds_results(self, run: RunRecord) -> bool:
         """Whether the output folder of a run still holds what that run has published."""
@@ -282,7 +277,7 @@ class Records:
             pass
 
     def _read(self, statement: Any) -> tuple[RunRecord, ...]:
-        return tuple(as_record(row) for row in self.rows(statement))
+        return tuple(_record(row) for row in self.rows(statement))
 
     def rows(self, statement: Any) -> tuple[Row[Any], ...]:
         """The rows that a statement finds in one state of the database; empty if it does not exist yet."""
@@ -343,22 +338,44 @@ def project_name(project_file: Path) -> str:
 def write_notice(connection: Connection, notice: Notice) -> None:
     """Put a notice into the outbox, unless it is there already."""
     if connection.execute(select(NOTICES.c.id).where(NOTICES.c.id == notice.id)).first() is None:
-        values = {"id": notice.id, "written": time_text(datetime.now(UTC)), "content": notice.to_text()}
+        values = {"id": notice.id, "written": datetime.now(UTC), "content": notice.to_text()}
         connection.execute(insert(NOTICES).values(**values))
 
 
-def _row_of(connection: Connection, run_id: str) -> Row[Any] | None:
-    """The row of a run, locked against other writers until the end of the transaction."""
-    return connection.execute(select(RUNS).where(RUNS.c.id == run_id).with_for_update()).first()
+def _record(row: Row[Any]) -> RunRecord:
+    content = dict(row._mapping)
+    figures = content.pop("summary") or RunFigures()
+    return RunRecord(**content, figures=figures)
 
 
-def _update(connection: Connection, run_id: str, values: Mapping[str, object]) -> None:
-    connection.execute(update(RUNS).where(RUNS.c.id == run_id).values(**values))
+def _record_of(connection: Connection, run_id: str) -> RunRecord | None:
+    """A run, locked against other writers until the end of the transaction."""
+    row = connection.execute(select(RUNS).where(RUNS.c.id == run_id).with_for_update()).first()
+    return None if row is None else _record(row)
 
 
-def _tell(connection: Connection, run_id: str, summary: Mapping[str, JSON] | None) -> None:
+def _values(run: RunRecord) -> dict[str, object]:
+    """A run that has not ended, as its row."""
+    content = {**vars(run), "summary": None}
+    del content["figures"]
+    return content
+
+
+def _waiting(message: str) -> dict[str, object]:
+    return {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
+
+
+def _insert(connection: Connection, run: RunRecord) -> None:
+    connection.execute(insert(RUNS).values(_values(run)))
+
+
+def _update(connection: Connection, run_id: str, **values: object) -> None:
+    connection.execute(update(RUNS).where(RUNS.c.id == run_id).values(values))
+
+
+def _tell(connection: Connection, run_id: str) -> None:
     """Put into the outbox how a run ended, unless it is restarted automatically."""
-    run = connection.execute(select(RUNS).where(RUNS.c.id == run_id)).one()
-    notice = None if run.again_at is not None else notice_of_run(dict(run._mapping), summary, run.ended)
+    run = _record_of(connection, run_id)
+    notice = None if run is None or run.again_at is not None else notice_of_run(run)
     if notice is not None:
         write_notice(connection, notice)

@@ -10,11 +10,13 @@ needs more memory than there is) must not go round for ever: then the run stays 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import datetime, timedelta
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Annotated, Any, Literal, TypeAlias
 
-from tasks.files.json_text import JSON
+from pydantic import BaseModel, OnErrorOmit, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
+
+from tasks.results.quality_gates import GateResult
 
 #: States of a run: those of the dashboard (docs/operations.md), without what only the server knows.
 State: TypeAlias = Literal[
@@ -59,6 +61,35 @@ class StageTime:
     reused: bool
 
 
+def _otherwise(missing: object) -> WrapValidator:
+    """What stands for a figure that is null, or that this version does not understand."""
+
+    def read(figure: Any, understood: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return understood(figure)
+        except ValidationError:
+            return missing
+
+    return WrapValidator(read)
+
+
+#: x, y, z; None where there is no figure.
+Axes: TypeAlias = tuple[float | None, float | None, float | None]
+NO_AXES: Axes = (None, None, None)
+_Figure: TypeAlias = Annotated[float | None, _otherwise(None)]
+
+
+class RunFigures(BaseModel, frozen=True):
+    """What pages and notices show of a summary.json, of whatever version; see docs/artifacts.md."""
+
+    sigma0: _Figure = None
+    rmse_check_m: Annotated[Axes, _otherwise(NO_AXES)] = NO_AXES
+    trust_map_plan_m: _Figure = None
+    trust_map_height_m: _Figure = None
+    gates: Annotated[tuple[OnErrorOmit[GateResult], ...], _otherwise(())] = ()
+    problems: Annotated[tuple[str, ...], _otherwise(())] = ()
+
+
 @dataclass(frozen=True)
 class RunRecord:
     """A run.
@@ -78,7 +109,7 @@ class RunRecord:
     again_at : when it is started again by itself, UTC; None: it is not, or has not ended.
     stages : those that have ended, in the order in which they did.
     failed_stage : the one that could not be done; None: none, or it is not known.
-    summary : content of summary.json (docs/artifacts.md), without timings; empty until the end.
+    figures : of its summary.json; empty until the end.
     """
 
     id: str
@@ -98,7 +129,7 @@ class RunRecord:
     again_at: datetime | None = None
     stages: tuple[StageTime, ...] = ()
     failed_stage: str | None = None
-    summary: Mapping[str, JSON] | None = None
+    figures: RunFigures = field(default_factory=RunFigures)
 
     @property
     def has_ended(self) -> bool:
@@ -135,9 +166,19 @@ def next_beginning(state: State, attempts: int, now: datetime) -> datetime | Non
     return now + timedelta(seconds=pauses[attempts - 1])
 
 
-def with_prospect(message: str, attempts: int, again_at: datetime | None) -> str:
-    """A message on an end, followed by what happens next."""
-    if again_at is None:
+def ending(attempts: int, state: State, message: str, *, may_pass: bool) -> dict[str, object]:
+    """What is noted of every end: its state, and when the run is started again by itself.
+
+    Parameters
+    ----------
+    attempts : how often it was started.
+    may_pass : whether the reason may be gone another time; then the message says what happens next.
+    """
+    now = datetime.now(UTC)
+    again_at = next_beginning(state, attempts, now) if may_pass else None
+    if again_at is not None:
+        message += f" It is restarted after {again_at:%H:%M} UTC."
+    elif may_pass and state in PAUSES_S:
         times = "once" if attempts == 1 else f"{attempts} times"
-        return f"{message} It was started {times} and is not restarted automatically."
-    return f"{message} It is restarted after {again_at:%H:%M} UTC."
+        message += f" It was started {times} and is not restarted automatically."
+    return {"state": state, "ended": now, "message": message, "again_at": again_at}

@@ -2,10 +2,55 @@
 
 from __future__ import annotations
 
-from sqlalchemy import Column, Index, Integer, MetaData, Table, Text
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import TypeAdapter
+from sqlalchemy import Column, Dialect, Index, Integer, MetaData, Table, Text, TypeDecorator
+
+from tasks.files.json_text import JSON, finite, json_text
+from tasks.production.run_record import RunFigures, StageTime
 
 #: Version of these tables; another one is refused.
 SCHEMA_VERSION = 2
+
+
+class AsText(TypeDecorator[Any]):
+    """A value that is kept as text.
+
+    Parameters
+    ----------
+    text, value : of each other.
+    """
+
+    impl = Text
+    cache_ok = True
+
+    def __init__(self, text: Callable[[Any], str], value: Callable[[str], Any]) -> None:
+        super().__init__()
+        self.text, self.value = text, value
+
+    def process_bind_param(self, value: Any, dialect: Dialect) -> str | None:  # noqa: ARG002
+        """As it is kept."""
+        return None if value is None else self.text(value)
+
+    def process_result_value(self, value: str | None, dialect: Dialect) -> Any:  # noqa: ARG002
+        """As it was."""
+        return None if value is None else self.value(value)
+
+
+def time_text(time: datetime) -> str:
+    """A time in UTC; texts are in the order of their times."""
+    return time.astimezone(UTC).isoformat(timespec="milliseconds")
+
+
+def _summary_text(summary: Mapping[str, JSON]) -> str:
+    return json_text(finite(summary))
+
+
+_STAGES = TypeAdapter(tuple[StageTime, ...])
+_TIME = AsText(time_text, datetime.fromisoformat)
 
 METADATA = MetaData()
 
@@ -21,26 +66,29 @@ RUNS = Table(
     Column("story", Text, nullable=False),
     Column("state", Text, nullable=False, index=True),
     Column("message", Text, nullable=False),
-    Column("scheduled", Text, nullable=False, index=True),
-    Column("begun", Text),
-    Column("ended", Text),
+    Column("scheduled", _TIME, nullable=False, index=True),
+    Column("begun", _TIME),
+    Column("ended", _TIME),
     Column("delivery", Text, index=True),
     Column("host", Text),
     Column("process", Integer),
     Column("attempts", Integer, nullable=False),
-    Column("again_at", Text, index=True),
-    Column("stages", Text, nullable=False),
+    Column("again_at", _TIME, index=True),
+    Column(
+        "stages", AsText(lambda done: _STAGES.dump_json(done).decode(), _STAGES.validate_json), nullable=False
+    ),
     Column("failed_stage", Text),
-    Column("summary", Text),
+    # The whole summary is kept; only these are read.
+    Column("summary", AsText(_summary_text, RunFigures.model_validate_json)),
 )
 
 NOTICES = Table(
     "aerocal_notices",
     METADATA,
     Column("id", Text, primary_key=True),
-    Column("written", Text, nullable=False),
+    Column("written", _TIME, nullable=False),
     Column("content", Text, nullable=False),
-    Column("closed", Text, index=True),
+    Column("closed", _TIME, index=True),
 )
 
 NOTICE_DELIVERIES = Table(
@@ -50,7 +98,7 @@ NOTICE_DELIVERIES = Table(
     Column("address", Text, primary_key=True),
     Column("state", Text, nullable=False),
     Column("attempts", Integer, nullable=False),
-    Column("due", Text, nullable=False),
+    Column("due", _TIME, nullable=False),
     Column("said", Text, nullable=False),
 )
 # What `Records.latest` reads, without the long rows themselves. A server keeps long values apart from its

@@ -35,7 +35,7 @@ def recorded(story: Callable[..., object], name: str, file: Path, *overrides: st
     carry_out_recorded(story, RunRequest(file, overrides=overrides), FlowRunIdentity(name, name))  # type: ignore[arg-type]
     records = configured_records()
     assert records is not None
-    return next(row for row in Board(records).changes(None).added if row.run == name)
+    return next(row for row in Board(records).changes(None).rows if row.run.id == name)
 
 
 @pytest.mark.parametrize(
@@ -63,9 +63,9 @@ def test_a_run_that_is_refused_before_its_first_stage_has_none_of_the_run_before
     recorded(aerial_triangulation, "aerial-triangulation", block)
     begun = datetime.now(UTC)
     row = recorded(direct_georeferencing_check, "refused", block, "project.crs=EPSG:1")
-    assert row.state == "InputError"
-    assert row.ended is not None
-    assert row.ended >= begun
+    assert row.run.state == "InputError"
+    assert row.run.ended is not None
+    assert row.run.ended >= begun
     assert not {"done", "reused"} & set(row.stages.values())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from dataclasses import replace
@@ -9,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from sqlalchemy import update
+from sqlalchemy import text, update
 
 from tasks.errors import InputError
 from tasks.production.records import Records, configured_records, project_name
@@ -55,7 +56,9 @@ def test_a_run_is_remembered_from_delivery_to_end(records: Records) -> None:
     ended = records.run("one")
     assert ended is not None
     assert (ended.state, ended.message, ended.stages) == ("GateFailed", "Gates not passed: sigma0.", stages)
-    assert ended.summary == {"sigma0": 1.02, "rmse_check_m": [0.01, None, None], "gates": []}
+    assert (ended.figures.sigma0, ended.figures.rmse_check_m) == (1.02, (0.01, None, None))
+    (row,) = records.rows(text("SELECT summary FROM aerocal_runs"))
+    assert json.loads(row.summary) == {"sigma0": 1.02, "rmse_check_m": [0.01, None, None], "gates": []}
     assert ended.ended is not None
     assert ended.begun == begun.begun
     assert ended.ended >= begun.begun
