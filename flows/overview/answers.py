@@ -14,7 +14,7 @@ from flows.overview.project_grid import GRID, row_data
 from flows.overview.run_tables import detail_part, failures_part, queue_part
 from flows.overview.sources import Sources
 from tasks.errors import AerocalError
-from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Revision, tally_of
+from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Revision
 from tasks.production.documents import documents_of
 from tasks.production.project_row import with_figures
 
@@ -88,7 +88,7 @@ class Answers:
             _news(changes),
             no_projects(*places(sources)) if not rows else None,
             no_update if changes.is_empty and ticks else revision_data(changes),
-            cards(tally_of(rows), due, now),
+            cards(rows, due, now),
             _state_of_server(view.reachable, now),
             None,
             now.isoformat(),

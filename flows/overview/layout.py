@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from dash import dcc, html
 
 from flows.overview.project_grid import project_grid
-from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Tally
+from tasks.production.board import BROKEN, WRONG_INPUT, Changes, oldest_waiting
 from tasks.production.project_row import ProjectRow
 
 #: Milliseconds between two looks, and between two looks at the registry.
@@ -145,32 +146,31 @@ def no_projects(dashboard: str, roots: Sequence[str]) -> Part:
     )
 
 
-def cards(tally: Tally, due: int | None, now: datetime) -> list[Part]:
+def cards(rows: Sequence[ProjectRow], due: int | None, now: datetime) -> list[Part]:
     """The number of projects in each state; a click on a card shows only those.
 
     Parameters
     ----------
     due : calibrations that are due; None: no registry.
     """
-    waiting = "waiting"
-    if tally.oldest_waiting is not None:
-        waiting += f", the longest for {in_words((now - tally.oldest_waiting).total_seconds())}"
-    counted = (
-        ("passed", tally.passed, "passed", ("Completed",)),
-        ("gate", tally.gate_failed, "gate failed", ("GateFailed",)),
-        ("input", tally.wrong_input, "wrong input", WRONG_INPUT),
-        ("broken", tally.broken, "failed", BROKEN),
-        ("running", tally.running, "running", ("Running",)),
-        ("waiting", tally.waiting, waiting, ("Scheduled",)),
-    )
+    count, waiting, since = Counter[str](row.run.state for row in rows), "waiting", oldest_waiting(rows)
+    if since is not None:
+        waiting += f", the longest for {in_words((now - since).total_seconds())}"
     shown: list[Part] = [
         html.Button(
-            [html.B(str(number)), html.Span(label)],
+            [html.B(str(number := sum(count[state] for state in states))), html.Span(label)],
             id={"card": kind, "states": " ".join(states)},
             className=f"card {kind}" + ("" if number else " none"),
             title="Show only these; click again to show all",
         )
-        for kind, number, label, states in counted
+        for kind, label, states in (
+            ("passed", "passed", ("Completed",)),
+            ("gate", "gate failed", ("GateFailed",)),
+            ("input", "wrong input", WRONG_INPUT),
+            ("broken", "failed", BROKEN),
+            ("running", "running", ("Running",)),
+            ("waiting", waiting, ("Scheduled",)),
+        )
     ]
     if due is not None:
         words = [html.B(str(due)), html.Span("calibrations due" if due != 1 else "calibration due")]

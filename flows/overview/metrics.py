@@ -51,14 +51,12 @@ class ProductionFigures(Collector):
         yield InfoMetricFamily("aerocal", "Version of aerocal.", value={"version": version("aerocal")})
         yield from self._of_runs()
         yield from _of_server(self.sources.server(), now)
-        waiting = GaugeMetricFamily("aerocal_notices_waiting", "Notices that are not delivered yet.")
-        waiting.add_metric([], len(Outbox(self.sources.records).waiting()))
-        yield waiting
+        waiting = len(Outbox(self.sources.records).waiting())
+        yield GaugeMetricFamily("aerocal_notices_waiting", "Notices that are not delivered yet.", waiting)
         watch = self.sources.calibrations().watch
         if watch is not None:
-            due = GaugeMetricFamily("aerocal_calibrations_due", "Cameras whose calibration is due.")
-            due.add_metric([], len(watch.due))
-            yield due
+            due = len(watch.due)
+            yield GaugeMetricFamily("aerocal_calibrations_due", "Cameras whose calibration is due.", due)
         inbox = self.sources.inbox()
         if inbox is not None:
             folders = GaugeMetricFamily(
@@ -84,9 +82,7 @@ class ProductionFigures(Collector):
 
 
 def _of_server(view: ServerView, now: datetime) -> Iterator[Metric]:
-    up = GaugeMetricFamily("aerocal_server_up", "Whether the server of runs answers.")
-    up.add_metric([], view.reachable)
-    yield up
+    yield GaugeMetricFamily("aerocal_server_up", "Whether the server of runs answers.", view.reachable)
     queue = GaugeMetricFamily(
         "aerocal_queue_runs", "Runs in progress, and runs due to start.", labels=["state"]
     )
@@ -95,8 +91,7 @@ def _of_server(view: ServerView, now: datetime) -> Iterator[Metric]:
         queue.add_metric([state], states.count(state))
     yield queue
     since = [start for run in view.queue if (start := run.waiting_since(now)) is not None]
-    oldest = GaugeMetricFamily(
-        "aerocal_queue_oldest_seconds", "Waiting time of the run that has waited longest."
+    longest = max(((now - start).total_seconds() for start in since), default=0.0)
+    yield GaugeMetricFamily(
+        "aerocal_queue_oldest_seconds", "Waiting time of the run that has waited longest.", longest
     )
-    oldest.add_metric([], max(((now - start).total_seconds() for start in since), default=0.0))
-    yield oldest

@@ -12,7 +12,7 @@ from dash import html
 from flows.overview.layout import in_words
 from flows.overview.project_grid import STORY_LABELS
 from flows.overview.sources import QueuedRun, ServerView
-from flows.server.watch import InboxNews
+from flows.server.inbox import Scheduled
 from tasks.production.project_row import in_project, problems_of
 from tasks.production.run_record import RunRecord
 from tasks.production.short_text import REMEDIES
@@ -23,7 +23,7 @@ Part = Any
 _SHOWN = 25
 
 
-def queue_part(view: ServerView, inbox: InboxNews | None, now: datetime, dashboard: str) -> Part:
+def queue_part(view: ServerView, inbox: Scheduled | None, now: datetime, dashboard: str) -> Part:
     """Active and waiting runs, and deliveries held back in the inbox."""
     parts: list[Part] = []
     if view.queue:
@@ -43,7 +43,7 @@ def queue_part(view: ServerView, inbox: InboxNews | None, now: datetime, dashboa
     return parts
 
 
-def _inbox_parts(inbox: InboxNews | None) -> list[Part]:
+def _inbox_parts(inbox: Scheduled | None) -> list[Part]:
     if inbox is None:
         return []
     parts: list[Part] = []

@@ -11,8 +11,8 @@ from typing import Any, Generic, TypeVar
 
 from flows.server.api import Api
 from flows.server.door import Door
+from flows.server.inbox import Scheduled
 from flows.server.roots import Roots
-from flows.server.watch import InboxNews
 from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
 from tasks.production.board import Board
@@ -65,14 +65,6 @@ def in_order(queue: Sequence[QueuedRun]) -> tuple[QueuedRun, ...]:
     return tuple(sorted(queue, key=lambda one: (one.begun is None, one.begun or one.due, one.run)))
 
 
-def times_from(text: str | None) -> datetime | None:
-    """A time as the server writes it."""
-    if not text:
-        return None
-    time = datetime.fromisoformat(text)
-    return time if time.tzinfo is not None else time.replace(tzinfo=UTC)
-
-
 _OPEN = ("SCHEDULED", "PENDING", "RUNNING", "PAUSED", "CANCELLING")
 #: As many as the server hands out at once.
 _MOST = 200
@@ -114,14 +106,14 @@ def server_view(api: Api, now: datetime) -> ServerView:
 
 
 def _queued(run: Mapping[str, Any]) -> QueuedRun:
-    begun = times_from(run.get("start_time")) if run["state_type"] != "SCHEDULED" else None
-    due = times_from(run.get("next_scheduled_start_time") or run.get("expected_start_time")) or begun
+    begun = run.get("start_time") if run["state_type"] != "SCHEDULED" else None
+    due = run.get("next_scheduled_start_time") or run.get("expected_start_time") or begun or run["created"]
     return QueuedRun(
         str(run["id"]),
         str(run["name"]),
         str(run["state_name"]),
-        due or times_from(run["created"]),  # type: ignore[arg-type]
-        begun,
+        datetime.fromisoformat(due),
+        None if begun is None else datetime.fromisoformat(begun),
     )
 
 
@@ -185,7 +177,7 @@ class Sources:
     api: Api
     door: Door
     registry: str | None
-    inbox: Callable[[], InboxNews | None]
+    inbox: Callable[[], Scheduled | None]
     board: Board = field(init=False)
     _server: Lasting[ServerView] = field(init=False)
     _calibrations: Lasting[Calibrations] = field(init=False)

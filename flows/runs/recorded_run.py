@@ -11,15 +11,15 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.runs.run_state import state_message, state_name
 from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
-from tasks.files.json_text import JSON
 from tasks.patience import Patience
 from tasks.production.notice import KINDS, Notice
-from tasks.production.records import Records, configured_records, project_name, write_notice
+from tasks.production.records import configured_records, project_name, write_notice
 from tasks.production.run_record import RunRecord, State
 from tasks.production.stage_states import stages_since
 from tasks.store.stage_record import utc_now
@@ -60,24 +60,24 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
     # As exact as the records of the stages are, none of which may seem older.
     begun = datetime.fromisoformat(utc_now())
     _noted(lambda: records.begin(_beginning(request, identity)), _PATIENCE_BEGINNING)
-    noted = _Noted(records, identity, request, begun)
+
+    def ended(state: State, message: str, **more: Any) -> None:
+        stages = stages_since(request.directory, begun)
+        _noted(lambda: records.end(identity.id, state, message, stages=stages, **more), _PATIENCE_END)
+
     try:
         outcome = carry_out(story, request)
     except AerocalError as error:
-        noted.end("Failed", str(error), error.stage, may_pass=True)
+        ended("Failed", str(error), failed_stage=error.stage, may_pass=True)
         raise
     except (OSError, MemoryError) as error:
-        noted.end("Failed", f"Failure of the machine: {type(error).__name__}: {error}.", may_pass=True)
+        ended("Failed", f"Failure of the machine: {type(error).__name__}: {error}.", may_pass=True)
         raise
     except Exception as error:
-        noted.end("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")
+        ended("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")
         raise
-    noted.end(
-        state_name(outcome),
-        state_message(outcome),
-        outcome.failed_stage,
-        {name: value for name, value in outcome.summary.to_json().items() if name != "timings_s"},
-    )
+    summary = {name: value for name, value in outcome.summary.to_json().items() if name != "timings_s"}
+    ended(state_name(outcome), state_message(outcome), failed_stage=outcome.failed_stage, summary=summary)
     return outcome
 
 
@@ -132,40 +132,6 @@ def _beginning(request: RunRequest, identity: FlowRunIdentity) -> RunRecord:
         "",
         datetime.now(UTC),
     )
-
-
-@dataclass(frozen=True)
-class _Noted:
-    """A run whose beginning is recorded."""
-
-    records: Records
-    identity: FlowRunIdentity
-    request: RunRequest
-    begun: datetime
-
-    def end(
-        self,
-        state: State,
-        message: str,
-        failed_stage: str | None = None,
-        summary: dict[str, JSON] | None = None,
-        *,
-        may_pass: bool = False,
-    ) -> None:
-        """Record how it has ended."""
-        stages = stages_since(self.request.directory, self.begun)
-        _noted(
-            lambda: self.records.end(
-                self.identity.id,
-                state,
-                message,
-                may_pass=may_pass,
-                stages=stages,
-                failed_stage=failed_stage,
-                summary=summary,
-            ),
-            _PATIENCE_END,
-        )
 
 
 def _noted(write: Callable[[], None], patience: Patience) -> None:

@@ -22,7 +22,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import BinaryIO
 
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
@@ -71,7 +70,8 @@ class Child:
         handed_on = (lifeline.reading, *(other.held for other in holds))
         # Neither the folder we were started in nor any other a delivery lies in holds our modules.
         command = [sys.executable, "-P", "-m", __name__, str(lifeline.reading), module, *arguments]
-        with _opened_log(log) as stream:
+        log.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with log.open("ab") as stream:
             self.process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
@@ -128,13 +128,6 @@ class Child:
     def _signal_group(self, which: signal.Signals) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.process.pid, which)
-
-
-def _opened_log(log: Path) -> BinaryIO:
-    log.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if log.is_file() and log.stat().st_size > _LOG_BYTES:
-        log.replace(log.with_suffix(".old.log"))
-    return log.open("ab")
 
 
 def _end_when_released(handle: int) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
 
 from flows.server.door import ENTRANCE, ENTRANCE_HEADERS, ENTRANCE_PAGE, Asked, Door, basic
 
@@ -34,43 +35,44 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        asked = _asked(scope)
-        if asked.one("host") == _IN_PROCESS and not asked.all("origin") and self.door.knows(asked):
+        headers = tuple(
+            (name.decode("latin-1").lower(), value.decode("latin-1")) for name, value in scope["headers"]
+        )
+        asked = Asked(scope.get("method", "GET"), scope["path"], headers)
+        known = self.door.knows(asked)
+        if known and asked.one("host") == _IN_PROCESS and not asked.all("origin"):
             await self.app(scope, receive, send)
-            return
-        refusal = self.door.refusal(asked)
-        if scope["type"] == "websocket":
-            if refusal is None:
+        elif scope["type"] == "websocket":
+            if self.door.refusal(asked) is None:
                 await self.app(scope, receive, send)
             else:
                 await send({"type": "websocket.close", "code": 1008})
-        elif refusal is not None:
-            await _say(send, refusal.status, refusal.sentence)
-        elif asked.path == ENTRANCE:
-            await self._enter(asked, receive, send)
-        elif asked.path in _OPEN and asked.method in ("GET", "HEAD"):
-            await self.app(scope, receive, send)
-        elif not self.door.knows(asked):
-            await _unknown(asked, send)
-        elif asked.path.removeprefix("/api").rstrip("/") in _FOREIGN or "\0" in asked.path:
-            await _say(send, 404, "Page not found.")
         else:
-            await self.app(_with_password(scope, self.door.password), receive, send)
+            answer = await self._answer(asked, Request(scope, receive), known=known)
+            if answer is None:
+                await self.app(_with_password(scope, self.door.password) if known else scope, receive, send)
+            else:
+                await answer(scope, receive, send)
 
-    async def _enter(self, asked: Asked, receive: Any, send: Any) -> None:
-        if asked.method != "POST":
-            await _answer(send, 200, ENTRANCE_PAGE, ENTRANCE_HEADERS)
-        elif self.door.opens(asked, await _content(receive)):
-            await _answer(send, 204, "", {"Set-Cookie": self.door.cookie(asked), "Cache-Control": "no-store"})
-        else:
-            await _say(send, 403, "This key is not valid.")
-
-
-def _asked(scope: Any) -> Asked:
-    headers = tuple(
-        (name.decode("latin-1").lower(), value.decode("latin-1")) for name, value in scope["headers"]
-    )
-    return Asked(scope.get("method", "GET"), scope["path"], headers)
+    async def _answer(self, asked: Asked, request: Request, *, known: bool) -> Response | None:
+        """The answer of the door; None: the request may pass."""
+        refusal = self.door.refusal(asked)
+        if refusal is not None:
+            return _said(refusal.status, refusal.sentence)
+        if asked.path == ENTRANCE:
+            if asked.method != "POST":
+                return Response(ENTRANCE_PAGE, 200, ENTRANCE_HEADERS)
+            if not self.door.opens(asked, await _content(request)):
+                return _said(403, "This key is not valid.")
+            return Response(None, 204, {"Set-Cookie": self.door.cookie(asked), "Cache-Control": "no-store"})
+        if asked.path in _OPEN and asked.method in ("GET", "HEAD"):
+            return None
+        if not known:
+            page = Response(ENTRANCE_PAGE, 401, ENTRANCE_HEADERS)
+            return page if asked.is_for_a_page else _said(401, "Unauthorized")
+        if asked.path.removeprefix("/api").rstrip("/") in _FOREIGN or "\0" in asked.path:
+            return _said(404, "Page not found.")
+        return None
 
 
 def _with_password(scope: Any, password: str) -> Any:
@@ -79,30 +81,15 @@ def _with_password(scope: Any, password: str) -> Any:
     return {**scope, "headers": [*headers, (b"authorization", basic(password).encode())]}
 
 
-async def _content(receive: Any) -> bytes:
+async def _content(request: Request) -> bytes:
     content = b""
-    while len(content) <= _MOST_BYTES:
-        message = await receive()
-        content += bytes(message.get("body", b""))
-        if not message.get("more_body"):
-            return content
-    return b""
+    async for piece in request.stream():
+        content += piece
+        if len(content) > _MOST_BYTES:
+            return b""
+    return content
 
 
-async def _unknown(asked: Asked, send: Any) -> None:
-    if asked.is_for_a_page:
-        await _answer(send, 401, ENTRANCE_PAGE, ENTRANCE_HEADERS)
-    else:
-        await _say(send, 401, "Unauthorized")
-
-
-async def _say(send: Any, status: int, sentence: str) -> None:
+def _said(status: int, sentence: str) -> Response:
     # Prefect's clients read this key.
-    headers = {"Content-Type": "application/json", "Cache-Control": "no-store"}
-    await _answer(send, status, json.dumps({"exception_message": sentence}), headers)
-
-
-async def _answer(send: Any, status: int, content: str, headers: Mapping[str, str]) -> None:
-    coded = [(name.lower().encode(), value.encode("latin-1")) for name, value in headers.items()]
-    await send({"type": "http.response.start", "status": status, "headers": coded})
-    await send({"type": "http.response.body", "body": content.encode()})
+    return JSONResponse({"exception_message": sentence}, status, {"Cache-Control": "no-store"})

@@ -8,29 +8,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from flows.server.api import Api, watch_heartbeats
 from flows.server.child import Say
-from flows.server.inbox import CalledOffError, schedule_deliveries
+from flows.server.inbox import CalledOffError, Scheduled, schedule_deliveries
 from flows.server.reconciliation import begin_again, reconcile
 from flows.server.settings import Settings
 from tasks.errors import AerocalError
 from tasks.production.records import Records
-
-
-@dataclass(frozen=True)
-class InboxNews:
-    """What the last search of the inbox found.
-
-    Attributes
-    ----------
-    waiting : folders that are not complete yet.
-    refused : sentences on marked folders that cannot be started.
-    """
-
-    waiting: tuple[str, ...]
-    refused: tuple[str, ...]
 
 
 class Repeated:
@@ -104,7 +89,7 @@ class Watch:
 
     def __init__(self, settings: Settings, api: Api, records: Records, say: Say) -> None:
         self.settings, self.api, self.records, self.say = settings, api, records, say
-        self.inbox: InboxNews | None = None
+        self.inbox: Scheduled | None = None
         self._verified: set[str] = set()
 
     def look(self, is_over: Callable[[], bool] = lambda: False) -> None:
@@ -129,7 +114,7 @@ class Watch:
         for name in found.begun:
             self.say(f"Delivery {name}: a run is scheduled.")
         before = () if self.inbox is None else self.inbox.refused
-        self.inbox = InboxNews(found.waiting, found.refused)
+        self.inbox = found
         for sentence in found.refused:
             if sentence not in before:
                 self.say(sentence)

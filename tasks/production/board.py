@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import threading
 import uuid
-from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -144,48 +143,12 @@ class Board:
         return row.key
 
 
-@dataclass(frozen=True)
-class Tally:
-    """Number of projects in each state.
-
-    Attributes
-    ----------
-    passed : Completed.
-    gate_failed : GateFailed.
-    wrong_input : InputError and NotComputable: somebody has to do something about the delivery.
-    broken : Failed, TimedOut, Crashed, Cancelled: the machine or somebody ended it.
-    running, waiting : in work, and scheduled.
-    oldest_waiting : since when the one has waited that waits longest.
-    """
-
-    passed: int
-    gate_failed: int
-    wrong_input: int
-    broken: int
-    running: int
-    waiting: int
-    oldest_waiting: datetime | None
-
-
-#: States of the groups of a tally.
+#: States of projects in which somebody has to do something about the delivery, and in which the machine or
+#: somebody ended the run.
 WRONG_INPUT = ("InputError", "NotComputable")
 BROKEN = ("Failed", "TimedOut", "Crashed", "Cancelled")
 
 
-def tally_of(rows: Sequence[ProjectRow]) -> Tally:
-    """Count the rows by their state."""
-    count = Counter(row.run.state for row in rows)
-
-    def of(states: Collection[str]) -> int:
-        return sum(number for state, number in count.items() if state in states)
-
-    waiting = [row.run.scheduled for row in rows if row.run.state == "Scheduled"]
-    return Tally(
-        count["Completed"],
-        count["GateFailed"],
-        of(WRONG_INPUT),
-        of(BROKEN),
-        count["Running"],
-        count["Scheduled"],
-        min(waiting, default=None),
-    )
+def oldest_waiting(rows: Sequence[ProjectRow]) -> datetime | None:
+    """Since when the one has waited that waits longest; None: none waits."""
+    return min((row.run.scheduled for row in rows if row.run.state == "Scheduled"), default=None)

@@ -7,13 +7,14 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
 from flask.testing import FlaskClient
 
 from flows.overview.sources import Sources
-from flows.server.watch import InboxNews
+from flows.server.inbox import Scheduled
 from tasks.production.records import Records
 from tests.tasks.production.runs import ended, run, summary
 from tests.tasks.production.test_documents import REPORT, publish
@@ -230,6 +231,25 @@ def test_an_empty_page_says_how_to_begin(sources: Sources, browse: Browse) -> No
     assert "aerocal serve --registry" in texts(due)
 
 
+def test_cards_count_every_state_once(sources: Sources, browse: Browse, records: Records) -> None:
+    states = ("Completed", "GateFailed", "InputError", "NotComputable", "Failed", "Crashed", "Cancelled")
+    for state in states:
+        ended(records, run(state), state)  # type: ignore[arg-type]
+    records.begin(run("at-work"))
+    now = datetime.now(UTC)
+    for hours in (3, 50, 2):
+        records.schedule(replace(run(f"waits-{hours}"), scheduled=now - timedelta(hours=hours)))
+    cards = refreshed(browse(sources), {"board": "", "number": 0})["cards"]["children"]
+    assert [texts(card).split(" ", 1) for card in cards] == [
+        ["1", "passed"],
+        ["1", "gate failed"],
+        ["2", "wrong input"],
+        ["3", "failed"],
+        ["1", "running"],
+        ["3", "waiting, the longest for 2 d"],
+    ]
+
+
 def test_failures_say_whether_the_project_has_passed_since(
     sources: Sources, browse: Browse, records: Records
 ) -> None:
@@ -245,7 +265,7 @@ def test_failures_say_whether_the_project_has_passed_since(
 
 
 def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> None:
-    news = InboxNews(("block-9",), ("block-8 was not started. It has no project.toml.",))
+    news = Scheduled((), (), ("block-9",), ("block-8 was not started. It has no project.toml.",))
     told = texts(
         refreshed(browse(replace(sources, inbox=lambda: news)), {"board": "", "number": 0})["queue"][
             "children"

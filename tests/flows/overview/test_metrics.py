@@ -8,7 +8,7 @@ from flask.testing import FlaskClient
 from prometheus_client.parser import text_string_to_metric_families
 
 from flows.overview.sources import Sources
-from flows.server.watch import InboxNews
+from flows.server.inbox import Scheduled
 from tasks.production.records import Records
 from tests.tasks.production.runs import ended, run
 
@@ -53,7 +53,7 @@ def test_server_queue_inbox_and_version_are_there(sources: Sources, browse: Brow
     from dataclasses import replace
     from importlib.metadata import version
 
-    news = InboxNews(("block-9", "block-10"), ("block-11 is not valid.",))
+    news = Scheduled((), (), ("block-9", "block-10"), ("block-11 is not valid.",))
     found = figures(browse(replace(sources, inbox=lambda: news)))
     assert found[("aerocal_info", (("version", version("aerocal")),))] == 1.0
     assert found[("aerocal_server_up", ())] in (0.0, 1.0)

@@ -6,10 +6,10 @@ from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
-from tasks.production.board import Board, tally_of
+from tasks.production.board import Board
 from tasks.production.project_row import ProjectRow
 from tasks.production.records import Records
-from tests.tasks.production.runs import NOON, ended, run, stages, summary
+from tests.tasks.production.runs import ended, run, stages, summary
 
 
 def only(rows: tuple[ProjectRow, ...]) -> ProjectRow:
@@ -153,19 +153,6 @@ def test_a_run_that_failed_shows_the_stage_and_its_message_first(records: Record
     assert row.stages["import_control"] == "failed"
     assert row.stages["report"] == "waiting"
     assert row.documents == ()
-
-
-def test_the_tally_counts_every_state_once(records: Records) -> None:
-    states = ("Completed", "GateFailed", "InputError", "NotComputable", "Failed", "Crashed", "Cancelled")
-    for state in states:
-        ended(records, run(state), state)  # type: ignore[arg-type]
-    records.begin(run("at-work"))
-    for hours in (3, 1, 2):
-        records.schedule(replace(run(f"waits-{hours}", hours)))
-    tally = tally_of(Board(records).changes(None).rows)
-    counted = (tally.passed, tally.gate_failed, tally.wrong_input, tally.broken, tally.running, tally.waiting)
-    assert counted == (1, 1, 2, 3, 1, 3)
-    assert tally.oldest_waiting == NOON + timedelta(hours=1)
 
 
 def test_a_summary_of_another_aerocal_is_no_reason_to_show_nothing(records: Records) -> None:
