@@ -64,3 +64,24 @@ Dask: TypeAlias = Annotated[
 Json: TypeAlias = Annotated[
     bool, typer.Option("--json", help="Print only the JSON summary on standard output.")
 ]
+
+Root: TypeAlias = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="DIR",
+        help="Folder that runs may read and write. Repeatable.",
+        show_default="the current folder",
+    ),
+]
+
+Limit: TypeAlias = Annotated[int, typer.Option(metavar="N", help="Number of simultaneous runs.", min=1)]
+
+State: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Folder for state file, logs and Prefect's files.",
+        show_default="in this user's state folder",
+        envvar="AEROCAL_STATE",
+    ),
+]

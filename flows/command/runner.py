@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.options import Limit, Root, State
 from flows.command.server_log import LogFormatOption, said_as
 
 
@@ -29,14 +29,7 @@ def runner(
             envvar="AEROCAL_DATABASE",
         ),
     ] = None,
-    root: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder that runs may read and write, including the inbox of the server. Repeatable.",
-            show_default="the current folder",
-        ),
-    ] = None,
+    root: Root = None,
     registry: Annotated[
         str | None,
         typer.Option(
@@ -53,22 +46,14 @@ def runner(
             show_default="next to each project",
         ),
     ] = None,
-    limit: Annotated[int, typer.Option(metavar="N", help="Number of simultaneous runs.", min=1)] = 1,
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder for the log and Prefect's files.",
-            show_default="in this user's state folder",
-            envvar="AEROCAL_STATE",
-        ),
-    ] = None,
+    limit: Limit = 1,
+    state: State = None,
     log_format: LogFormatOption = "text",
 ) -> None:
     """Execute runs of a server alongside its own runner, on this machine or another.
 
-    The folders of projects must have the same paths as on the server's machine. After SIGTERM or Ctrl+C, it
-    finishes current runs and stops; a second signal stops the runs as well.
+    The folders of projects and the inbox must have the same paths as on the server's machine, and lie under a
+    --root. After SIGTERM or Ctrl+C, it finishes current runs and stops; a second signal stops them as well.
 
     [bold]Examples[/bold]
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.options import Limit, Root, State
 from flows.command.server_log import LogFormatOption, said_as
 
 
@@ -41,14 +42,7 @@ def serve(
             envvar="AEROCAL_DATABASE",
         ),
     ] = None,
-    root: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder that runs may read and write. Repeatable.",
-            show_default="the current folder",
-        ),
-    ] = None,
+    root: Root = None,
     inbox: Annotated[
         Path | None,
         typer.Option(
@@ -111,7 +105,7 @@ def serve(
             show_default="next to the projects only",
         ),
     ] = None,
-    limit: Annotated[int, typer.Option(metavar="N", help="Number of simultaneous runs.", min=1)] = 1,
+    limit: Limit = 1,
     notify_on: Annotated[
         str,
         typer.Option(
@@ -120,15 +114,7 @@ def serve(
             "AEROCAL_NOTIFY, or in the file named by AEROCAL_NOTIFY_FILE.",
         ),
     ] = "gate,failure,recalibration",
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder for state file, logs and Prefect's files.",
-            show_default="in this user's state folder",
-            envvar="AEROCAL_STATE",
-        ),
-    ] = None,
+    state: State = None,
     log_format: LogFormatOption = "text",
 ) -> None:
     """Run the server: dashboard, deployments, and a runner that executes them.

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import json
 import os
-import urllib.error
 import urllib.request
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, cast
+from urllib.error import HTTPError
 
 from flows.server.door import basic
 from flows.server.server_process import CLIENT_PASSWORD
@@ -62,15 +62,39 @@ class Api:
         """Remove something. Raises the errors of `get`."""
         self._call("DELETE", path, None)
 
-    def _call(self, method: str, path: str, body: Mapping[str, Any] | Sequence[Any] | None) -> Any:
+    def is_well(self) -> bool:
+        """Whether the server answers."""
+        try:
+            self.ask("/health", timeout_s=5.0)
+        except OSError:
+            return False
+        return True
+
+    def ask(
+        self,
+        path: str,
+        method: str = "GET",
+        body: Mapping[str, Any] | Sequence[Any] | None = None,
+        timeout_s: float = 30.0,
+    ) -> bytes:
+        """The answer to one request; raises what `urllib` raises."""
         headers = {"Content-Type": "application/json"}
         if self.password is not None:
             headers["Authorization"] = basic(self.password)
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(f"{self.url}{path}", data, headers, method=method)
+        with urllib.request.urlopen(request, timeout=timeout_s) as answer:
+            return bytes(answer.read())
+
+    def _call(self, method: str, path: str, body: Mapping[str, Any] | Sequence[Any] | None) -> Any:
         try:
-            text = _answer(request)
-        except urllib.error.HTTPError as error:
+            # A request to a busy database (503: nothing was done) is repeated a few times.
+            text = _PATIENCE.tried(
+                lambda: self.ask(path, method, body),
+                _is_busy,
+                lambda error, *_: cast(HTTPError, error).close(),
+            )
+        except HTTPError as error:
             with error:
                 if error.code == 404 and method == "GET":
                     return None
@@ -85,17 +109,8 @@ class Api:
         return json.loads(text) if text else None
 
 
-def _answer(request: urllib.request.Request) -> bytes:
-    """The server's answer; a request to a busy database (503: nothing was done) is repeated a few times."""
-
-    def ask() -> bytes:
-        with urllib.request.urlopen(request, timeout=30) as answer:
-            return bytes(answer.read())
-
-    def is_busy(error: Exception) -> bool:
-        return isinstance(error, urllib.error.HTTPError) and error.code == 503
-
-    return _PATIENCE.tried(ask, is_busy, lambda error, *_: cast(urllib.error.HTTPError, error).close())
+def _is_busy(error: Exception) -> bool:
+    return isinstance(error, HTTPError) and error.code == 503
 
 
 def configured_api(environment: Mapping[str, str] = os.environ) -> Api:

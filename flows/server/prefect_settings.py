@@ -9,13 +9,12 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-import urllib.error
-import urllib.request
 from collections.abc import Callable
 from pathlib import Path
+from urllib.error import HTTPError
 from urllib.parse import urlsplit
 
-from flows.server.door import basic
+from flows.server.api import Api
 from flows.server.server_process import CLIENT_PASSWORD
 from flows.server.state_file import bring_password_to, find_server, state_folder
 from tasks.files.installation import InstallationError
@@ -130,12 +129,11 @@ def require_server(address: str, timeout_s: float = 5.0) -> None:
     remedy = "Start it, correct the address, or run in process with --server none."
     if urlsplit(address).scheme not in ("http", "https"):
         raise InstallationError(f"'{address}' is not the address of a Prefect server.", remedy)
+    api = Api(address, os.environ.get(CLIENT_PASSWORD) or None)
     try:
-        with urllib.request.urlopen(f"{address}/health", timeout=timeout_s) as answer:
-            answer.read()
-        with urllib.request.urlopen(_with_password(f"{address}/version"), timeout=timeout_s) as answer:
-            answer.read()
-    except urllib.error.HTTPError as error:
+        for path in ("/health", "/version"):
+            api.ask(path, timeout_s=timeout_s)
+    except HTTPError as error:
         with error:
             if error.code == 401:
                 raise UnknownCallerError(
@@ -145,16 +143,8 @@ def require_server(address: str, timeout_s: float = 5.0) -> None:
         raise InstallationError(
             f"The Prefect server {address} does not answer like a Prefect server ({error}).", remedy
         ) from error
-    except (OSError, urllib.error.URLError, ValueError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "reason", error)
         raise InstallationError(
             f"The Prefect server {address} does not answer ({reason}).", remedy
         ) from error
-
-
-def _with_password(address: str) -> urllib.request.Request:
-    request = urllib.request.Request(address)
-    password = os.environ.get(CLIENT_PASSWORD)
-    if password:
-        request.add_header("Authorization", basic(password))
-    return request

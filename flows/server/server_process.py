@@ -7,8 +7,6 @@ import os
 import re
 import socket
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -179,12 +177,3 @@ def wait_until(
             )
         time.sleep(0.1)
     return True
-
-
-def is_well(address: ServerAddress) -> bool:
-    """Whether the server answers."""
-    try:
-        with urllib.request.urlopen(f"{address.api}/health", timeout=5) as answer:
-            return bool(answer.status == 200)
-    except (OSError, urllib.error.URLError):
-        return False

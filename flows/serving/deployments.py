@@ -15,9 +15,9 @@ from typing import Any
 
 import httpx
 
+from flows.server.api import Api
 from flows.server.inbox import MANUAL, ON_DELIVERY
 from flows.server.prefect_settings import HEARTBEAT_S
-from flows.server.server_process import is_well
 from flows.server.settings import Settings, settings_of_runner
 from flows.serving.deployed import STORIES, clean_up, inbox, recalibration_due
 
@@ -173,7 +173,7 @@ def main() -> None:
     if settings.registers:
         made = deployments(settings)
         # It is started at the same time; who has started both ends this process if the server fails.
-        while not is_well(settings.address):
+        while not Api(settings.address.api).is_well():
             time.sleep(0.2)
         asyncio.run(_serve(settings.limit, made))
     else:

@@ -24,7 +24,6 @@ from flows.server.prefect_settings import prepare_prefect, require_server, serve
 from flows.server.server_process import (
     CLIENT_PASSWORD,
     ServerAddress,
-    is_well,
     server_environment,
     start_server,
     wait_until,
@@ -139,11 +138,11 @@ class _Serving:
             server = Supervised("server", self._server, self.say)
             at_end.callback(self._server_has_ended, server)
             at_end.enter_context(notices)
-            runner = Supervised("runner", self._runner, self.say, self._is_well)
+            runner = Supervised("runner", self._runner, self.say, self.api.is_well)
             at_end.callback(runner.end)
             watch = Watch(self.settings, self.api, self.records, self.say)
             at_end.enter_context(self._page(watch))
-            if not self._wait("server", self._is_well, server):
+            if not self._wait("server", self.api.is_well, server):
                 return 0
             if not self._wait("runner", lambda: self._polls(begun), runner):
                 return 0
@@ -178,9 +177,6 @@ class _Serving:
     def _server_has_ended(self, server: Supervised) -> None:
         server.end()
         self.say("The server has stopped.")
-
-    def _is_well(self) -> bool:
-        return is_well(self.settings.address)
 
     def _wait(self, what: str, is_so: Callable[[], bool], service: Supervised) -> bool:
         return wait_until(what, is_so, service.child, self.requests.come.is_set, _START_S)

@@ -7,12 +7,18 @@ what was not committed never was.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import Connection, Engine, Table, create_engine, event, select, text
 from sqlalchemy.pool import NullPool
 
 from tasks.database.address import DatabaseAddress
+from tasks.database.errors import in_words
+from tasks.errors import InputError
+from tasks.files.installation import writing_into
 
 #: How long a writer waits for another one, s.
 WAIT_S = 30
@@ -75,3 +81,58 @@ def _limits_of(wait_s: float) -> Any:
             connection.exec_driver_sql(f"SET LOCAL idle_in_transaction_session_timeout = '{_IDLE_S}s'")
 
     return begin
+
+
+@dataclass(frozen=True)
+class Database:
+    """A database whose tables have a version.
+
+    Attributes
+    ----------
+    address : where it is.
+    engine : connects to it.
+    schema : the table of the version.
+    version : of the tables that this program uses.
+    creation_lock : any number, the same in every process: makers of the tables wait for each other on it.
+    other_version : what to do about tables of another version.
+    """
+
+    schema: ClassVar[Table]
+    version: ClassVar[int]
+    creation_lock: ClassVar[int]
+    other_version: ClassVar[str]
+
+    address: DatabaseAddress
+    engine: Engine
+
+    @contextmanager
+    def transaction(self) -> Iterator[Connection]:
+        """A transaction that may write; the folder of a file is made."""
+        file = self.address.file
+        if file is not None:
+            with writing_into(file.parent):
+                file.parent.mkdir(parents=True, exist_ok=True)
+        with in_words(self.address), connected_for_writing(self.engine) as connection, connection.begin():
+            yield connection
+
+    def wait_to_create(self, connection: Connection) -> None:
+        """Be the only one that makes tables, until the end of the transaction."""
+        if not self.address.is_file:
+            connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": self.creation_lock})
+
+    def require_version(self, connection: Connection) -> None:
+        """Make sure that the tables have the version of this program.
+
+        Raises
+        ------
+        InputError
+            If they have another one.
+        """
+        versions = [row.version for row in connection.execute(select(self.schema.c.version))]
+        if versions != [self.version]:
+            found = " and ".join(map(str, versions)) or "none"
+            raise InputError(
+                f"The {self.address.holding.what} {self.address} has tables of version {found}, but this "
+                f"version of aerocal uses version {self.version}.",
+                f"Use the version of aerocal that created it, or {self.other_version}.",
+            )

@@ -16,13 +16,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, Engine, Row, func, insert, inspect, select, text, update
+from sqlalchemy import Connection, Row, func, insert, inspect, select, update
 
-from tasks.database.address import DatabaseAddress, Holding, database_address
-from tasks.database.engine import connected_for_reading, connected_for_writing, engine_at
+from tasks.database.address import Holding, database_address
+from tasks.database.engine import Database, connected_for_reading, engine_at
 from tasks.database.errors import in_words
-from tasks.errors import InputError
-from tasks.files.installation import writing_into
 from tasks.files.json_text import JSON
 from tasks.production.notice import Notice, notice_of_run
 from tasks.production.run_record import (
@@ -41,8 +39,6 @@ from tasks.production.variable import RECORDS_VARIABLE
 
 #: What messages call them.
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")
-# Any number, the same in every process: makers of the tables wait for each other on it.
-_CREATION_LOCK = 0x6165726F72756E
 #: Numbers of runs that are requested in one statement.
 _BATCH = 500
 # A sweep next to an adjustment replaces none of its files, and the other way round.
@@ -70,20 +66,16 @@ class LatestRun:
 
 
 @dataclass(frozen=True)
-class Records:
+class Records(Database):
     """The records of production.
-
-    Attributes
-    ----------
-    address : of their database.
-    engine : connects to it.
 
     Every method raises `InputError` if the database is none of ours and `InstallationError` if it cannot be
     reached or written.
     """
 
-    address: DatabaseAddress
-    engine: Engine
+    schema, version = SCHEMA, SCHEMA_VERSION
+    creation_lock = 0x6165726F72756E
+    other_version = "name a new database"
 
     @classmethod
     def at(cls, address: str, environment: Mapping[str, str] = os.environ) -> Records:
@@ -287,39 +279,21 @@ class Records:
         with in_words(self.address), connected_for_reading(self.engine) as connection:
             if not inspect(connection).has_table(SCHEMA.name):
                 return ()
-            self._require_version(connection)
+            self.require_version(connection)
             return tuple(connection.execute(statement))
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:
         """A transaction that may write; missing tables are created."""
-        file = self.address.file
-        if file is not None:
-            with writing_into(file.parent):
-                file.parent.mkdir(parents=True, exist_ok=True)
-        with in_words(self.address), connected_for_writing(self.engine) as connection, connection.begin():
+        with self.transaction() as connection:
             if not set(METADATA.tables) <= set(inspect(connection).get_table_names()):
-                self._make_tables(connection)
-            self._require_version(connection)
+                self.wait_to_create(connection)
+                # A table that has come since is made next to the others.
+                METADATA.create_all(connection)
+                if connection.execute(select(SCHEMA.c.version)).first() is None:
+                    connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))
+            self.require_version(connection)
             yield connection
-
-    def _make_tables(self, connection: Connection) -> None:
-        if not self.address.is_file:
-            connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _CREATION_LOCK})
-        # A table that has come since is made next to the others.
-        METADATA.create_all(connection)
-        if connection.execute(select(SCHEMA.c.version)).first() is None:
-            connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))
-
-    def _require_version(self, connection: Connection) -> None:
-        versions = [row.version for row in connection.execute(select(SCHEMA.c.version))]
-        if versions != [SCHEMA_VERSION]:
-            found = " and ".join(map(str, versions)) or "none"
-            raise InputError(
-                f"The record of runs {self.address} has tables of version {found}, but this version of "
-                f"aerocal uses version {SCHEMA_VERSION}.",
-                "Use the version of aerocal that created it, or name a new database.",
-            )
 
 
 def configured_records(environment: Mapping[str, str] = os.environ) -> Records | None:

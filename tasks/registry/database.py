@@ -11,37 +11,28 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, Engine, insert, inspect, select, text
+from sqlalchemy import Connection, insert, inspect, select
 from sqlalchemy.exc import IntegrityError
 
 from tasks.database.address import DatabaseAddress
-from tasks.database.engine import WAIT_S, connected_for_reading, connected_for_writing, engine_at
+from tasks.database.engine import WAIT_S, Database, connected_for_reading, engine_at
 from tasks.database.errors import in_words
 from tasks.errors import InputError
 from tasks.files.delivered_file import is_there
-from tasks.files.installation import writing_into
 from tasks.registry.history import BEGINNING
 from tasks.registry.tables import HEAD, METADATA, RADIOMETRIC, RADIOMETRIC_HEAD, SCHEMA, SCHEMA_VERSION
 
-# Any number, the same in every process: makers of the tables wait for each other on it.
-_CREATION_LOCK = 0x6165726F63616C
-
 
 @dataclass(frozen=True)
-class Database:
-    """A registry's database.
+class RegistryDatabase(Database):
+    """A registry's database."""
 
-    Attributes
-    ----------
-    address : where it is.
-    engine : connects to it.
-    """
-
-    address: DatabaseAddress
-    engine: Engine
+    schema, version = SCHEMA, SCHEMA_VERSION
+    creation_lock = 0x6165726F63616C
+    other_version = "export its records and add them to a new registry"
 
     @classmethod
-    def at(cls, address: DatabaseAddress, wait_s: float = WAIT_S) -> Database:
+    def at(cls, address: DatabaseAddress, wait_s: float = WAIT_S) -> RegistryDatabase:
         """The database at an address; nothing is opened yet.
 
         Parameters
@@ -67,7 +58,7 @@ class Database:
         with in_words(self.address), connected_for_reading(self.engine) as connection:
             if not inspect(connection).has_table(SCHEMA.name):
                 raise self._missing()
-            self._require_version(connection)
+            self.require_version(connection)
             yield connection
 
     @contextmanager
@@ -83,27 +74,21 @@ class Database:
         InstallationError
             If the database cannot be reached or written, or another writer does not come to an end.
         """
-        file = self.address.file
-        if file is not None:
-            with writing_into(file.parent):
-                file.parent.mkdir(parents=True, exist_ok=True)
-        with in_words(self.address):
-            try:
-                with connected_for_writing(self.engine) as connection, connection.begin():
-                    self._make_tables(connection)
-                    self._require_version(connection)
-                    connection.execute(select(HEAD.c.one).with_for_update()).all()
-                    yield connection
-            except IntegrityError as error:
-                raise InputError(
-                    "Another program has written to the registry at the same time without using aerocal: "
-                    f"{str(error.orig).splitlines()[0]}",
-                    "Nothing was changed. Run `aerocal registry verify`, then try again.",
-                ) from error
+        try:
+            with self.transaction() as connection:
+                self._make_tables(connection)
+                self.require_version(connection)
+                connection.execute(select(HEAD.c.one).with_for_update()).all()
+                yield connection
+        except IntegrityError as error:
+            raise InputError(
+                "Another program has written to the registry at the same time without using aerocal: "
+                f"{str(error.orig).splitlines()[0]}",
+                "Nothing was changed. Run `aerocal registry verify`, then try again.",
+            ) from error
 
     def _make_tables(self, connection: Connection) -> None:
-        if not self.address.is_file:
-            connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _CREATION_LOCK})
+        self.wait_to_create(connection)
         tables = inspect(connection)
         if tables.has_table(SCHEMA.name):
             # Those that it lacks, if an older version made it.
@@ -118,17 +103,6 @@ class Database:
         METADATA.create_all(connection)
         connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))
         connection.execute(insert(HEAD).values(one=1, calibrations=0, events=0, digest=BEGINNING))
-
-    def _require_version(self, connection: Connection) -> None:
-        versions = [row.version for row in connection.execute(select(SCHEMA.c.version))]
-        if versions != [SCHEMA_VERSION]:
-            found = " and ".join(map(str, versions)) or "none"
-            raise InputError(
-                f"The registry {self.address} has tables of version {found}, but this version of aerocal "
-                f"uses version {SCHEMA_VERSION}.",
-                "Use the version of aerocal that created it, or export its records and add them to a new "
-                "registry.",
-            )
 
     def _missing(self) -> InputError:
         return InputError(

@@ -14,7 +14,7 @@ from tasks.plain_text import is_blank
 from tasks.registry.approval import Approval, approved_meanwhile, require_approvable, superseded_by
 from tasks.registry.calibration_file import SealedRecord
 from tasks.registry.contents import Contents, StoredCalibration
-from tasks.registry.database import Database
+from tasks.registry.database import RegistryDatabase
 from tasks.registry.history import BEGINNING, Event, Validity
 from tasks.registry.identity import CameraBody
 from tasks.registry.integrity import Rows, contents_of
@@ -49,7 +49,7 @@ class Signature:
 class Registry:
     """A registry of calibrations in a database."""
 
-    database: Database
+    database: RegistryDatabase
 
     @classmethod
     def at(cls, address: DatabaseAddress, wait_s: float = WAIT_S) -> Registry:
@@ -59,7 +59,7 @@ class Registry:
         ----------
         wait_s : how long a writer waits for another one.
         """
-        return cls(Database.at(address, wait_s))
+        return cls(RegistryDatabase.at(address, wait_s))
 
     def contents(self) -> Contents:
         """Everything in it, checked against its history.

@@ -24,7 +24,6 @@ from flows.server.server_process import (
     SERVER_PASSWORD,
     ServerAddress,
     free_port,
-    is_well,
     server_environment,
 )
 from tasks.production.records import Records
@@ -119,7 +118,7 @@ def test_the_commands_of_compose_start_a_server_that_is_well(
     program_of_ours = [sys.executable, "-m", "flows.command", *command]
     with running(program_of_ours, tmp_path / "printed", env=variables, cwd=tmp_path) as process:
         until(lambda: "Ready." in (tmp_path / "printed").read_text(), 240, process)
-        assert is_well(ServerAddress("127.0.0.1", port))
+        assert Api(ServerAddress("127.0.0.1", port).api).is_well()
         check = services["server"]["healthcheck"]["test"][1:]
         check = [sys.executable, *(_with(part, {":4200/": f":{port}/"}) for part in check[1:])]
         assert subprocess.run(check, check=False).returncode == 0
