@@ -67,6 +67,19 @@ class InputError(AerocalError):
         return visible(f"{place}{entity}{self.what} {self.remedy}")
 
 
+@dataclass(frozen=True)
+class Location:
+    """Where an input is wrong; file, line and entity as of `InputError`."""
+
+    file: Path | None
+    line: int | None = None
+    entity: str | None = None
+
+    def error(self, what: str, remedy: str) -> InputError:
+        """The error that something is wrong here; `what` and `remedy` as of `InputError`."""
+        return InputError(what, remedy, self.file, self.line, self.entity)
+
+
 @dataclass
 class NotComputableError(AerocalError):
     """The adjustment cannot be computed (datum defect, divergence); exit code 3."""

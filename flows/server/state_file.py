@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import json
 import os
 import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import platformdirs
+from pydantic import TypeAdapter
 
 from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress
 from tasks.files.installation import InstallationError, writing_into
@@ -46,6 +46,9 @@ class RunningServer:
     overview: str | None = None
 
 
+_SERVER = TypeAdapter(RunningServer)
+
+
 @dataclass(frozen=True)
 class FoundServer:
     """A state file and whether the process that wrote it is alive."""
@@ -64,11 +67,8 @@ def find_server(folder: Path | None = None) -> FoundServer | None:
     """The server that the state file names; None if the file is missing or cannot be read."""
     folder = state_folder() if folder is None else folder
     try:
-        content = json.loads((folder / "serve.json").read_text(encoding="utf-8"))
-        server = RunningServer(
-            str(content["url"]), int(content["pid"]), content.get("records"), content.get("overview")
-        )
-    except (OSError, ValueError, KeyError, TypeError):
+        server = _SERVER.validate_json((folder / "serve.json").read_bytes())
+    except (OSError, ValueError):
         return None
     return FoundServer(server, _is_locked(folder / "serve.lock"))
 
@@ -147,12 +147,7 @@ def _hold(handle: int, folder: Path) -> None:
 
 def write_state(folder: Path, server: RunningServer) -> None:
     """Write the state file: readable for this user only, never half-written."""
-    temporary = folder / "serve.json.new"
-    temporary.unlink(missing_ok=True)
-    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "w", encoding="utf-8") as stream:
-        json.dump(asdict(server), stream)
-    temporary.replace(folder / "serve.json")
+    _write_privately(folder / "serve.json", _SERVER.dump_json(server).decode())
 
 
 _SECRET = "secret"
@@ -239,8 +234,7 @@ def bring_password_to(address: str, folder: Path | None = None) -> None:
 def _write_privately(file: Path, text: str) -> None:
     with writing_into(file.parent):
         temporary = file.with_suffix(".new")
-        with contextlib.suppress(FileNotFoundError):
-            temporary.unlink()
+        temporary.unlink(missing_ok=True)
         handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             stream.write(f"{text}\n")
