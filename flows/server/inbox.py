@@ -21,7 +21,7 @@ from typing import Literal, TypeAlias
 
 from flows.server.api import Api
 from flows.server.roots import Roots
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import read_delivered, trouble_of
 from tasks.files.installation import InstallationError
 from tasks.plain_text import trouble_in, visible
@@ -116,7 +116,9 @@ def read_inbox(
     try:
         folders = sorted(entry for entry in folder.iterdir() if entry.is_dir() and entry.name[0] != ".")
     except OSError as error:
-        raise InputError(f"The inbox cannot be read ({error.strerror}).", "Check --inbox.", folder) from error
+        raise Location(folder).error(
+            f"The inbox cannot be read ({error.strerror}).", "Check --inbox."
+        ) from error
     verified = set() if verified is None else verified
     complete, waiting, refused = [], [], {}
     for one in folders:

@@ -16,7 +16,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from tasks.accuracy.check_points import QUANTITIES, Points
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import read_delivered
 from tasks.nearest_name import did_you_mean
 
@@ -155,14 +155,14 @@ def read_template(path: Path) -> Template:
         what = str(first["msg"]).removeprefix("Value error, ")
         where = f" ({place})" if place else ""
         end = "" if what.endswith((".", "?")) else "."
-        raise InputError(f"The template cannot be used{where}: {what}{end}", _REMEDY, file=path) from error
+        raise Location(path).error(f"The template cannot be used{where}: {what}{end}", _REMEDY) from error
 
 
 def _content(path: Path) -> Mapping[str, object]:
     try:
         return tomllib.loads(read_delivered(path.resolve(), "settings").decode("utf-8"))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"The template is not a TOML file: {error}.", _REMEDY, file=path) from error
+        raise Location(path).error(f"The template is not a TOML file: {error}.", _REMEDY) from error
 
 
 def _quoted(text: str) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TypeAlias, cast
 from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.observations.base import ObservationGroup
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.settings.own_observations import OBSERVATION_TYPES, OwnObservationsInput
 
 
@@ -68,15 +68,13 @@ def own_observations(
 
 def _require_group(given: OwnObservationsInput, group: object, names: Sequence[str]) -> None:
     if not isinstance(group, ObservationGroup):
-        raise InputError(
+        raise Location(given.file).error(
             f"The observation type {given.type!r} returned a {type(group).__name__}, not observations.",
             "Report this to the author of the package.",
-            file=given.file,
         )
     if group.name in names:
-        raise InputError(
+        raise Location(given.file).error(
             f"The observation type {given.type!r} returned a group named {group.name!r}, which already "
             "exists.",
             "Put the observations of one type into one file.",
-            file=given.file,
         )

@@ -19,7 +19,7 @@ from adjust.residual_grid.comparison import combined_grid
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.residual_grid import ResidualGrid
 from tasks.block.residual_grid_cells import residual_grid_cells
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.nearest_name import did_you_mean
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.parquet import write_table
@@ -124,11 +124,9 @@ def _correction(camera: FrameCamera, tables: Sequence[tuple[Path, pd.DataFrame]]
     try:
         mean = grids[0] if len(grids) == 1 else combined_grid(grids)
     except InconsistentBlockError as error:
-        raise InputError(
+        raise Location(tables[-1][0], entity=f"camera {camera.name}").error(
             "The files divide the image into different sub-areas.",
             "Compute them with the same `cells`, or name only one.",
-            file=tables[-1][0],
-            entity=f"camera {camera.name}",
         ) from error
     return CorrectionField(mean.cells, mean.mean)
 
@@ -138,21 +136,16 @@ def _grid_of(camera: FrameCamera, file: Path, table: pd.DataFrame) -> ResidualGr
     own = table[table["camera"] == camera.name].sort_values(["row", "column"])
     if len(own) == 0:
         known = [str(name) for name in table["camera"].unique()]
-        raise InputError(
-            f"The table of mean residuals has no camera '{camera.name}'.",
-            did_you_mean(camera.name, known),
-            file=file,
-            entity=f"camera {camera.name}",
+        raise Location(file, entity=f"camera {camera.name}").error(
+            f"The table of mean residuals has no camera '{camera.name}'.", did_you_mean(camera.name, known)
         )
     cells, x, y = residual_grid_cells(own), *camera.half_format
     for half, division in ((x, cells.along_x), (y, cells.along_y)):
         if np.abs(division.edges[[0, -1]] - np.array([-half, half])).max() > _SAME_FORMAT:
-            raise InputError(
+            raise Location(file, entity=f"camera {camera.name}").error(
                 "The mean residuals were computed for another image format.",
                 f"Take those of a camera of {camera.columns} × {camera.rows} pixels of "
                 f"{camera.pixel_size / _UM:g} µm.",
-                file=file,
-                entity=f"camera {camera.name}",
             )
     means, applied = (
         own[list(names)].to_numpy(np.float64) * _UM

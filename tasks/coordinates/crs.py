@@ -22,7 +22,7 @@ from pyproj.exceptions import ProjError
 
 from adjust.arrays import Bools, Floats
 from adjust.geometry.earth import Ellipsoid
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.crs_definition import check_usable, known_crs
 from tasks.settings.coordinates import LOCAL, Heights
 
@@ -297,12 +297,12 @@ def _geoid_transformer(grid: Path) -> pyproj.Transformer:
     """
     remedy = "Give the GeoTIFF of the geoid as PROJ publishes it; undulations are never assumed to be zero."
     if not grid.is_file():
-        raise InputError("The geoid grid is missing.", remedy, file=grid)
+        raise Location(grid).error("The geoid grid is missing.", remedy)
     if any(mark in str(grid) for mark in '",\n'):
-        raise InputError(
-            "PROJ cannot open a grid whose path has commas or quotation marks.", "Rename it.", file=grid
+        raise Location(grid).error(
+            "PROJ cannot open a grid whose path has commas or quotation marks.", "Rename it."
         )
     try:
         return pyproj.Transformer.from_pipeline(f'+proj=vgridshift +grids="{grid}" +multiplier=1')
     except ProjError as error:
-        raise InputError("The geoid grid cannot be read.", remedy, file=grid) from error
+        raise Location(grid).error("The geoid grid cannot be read.", remedy) from error

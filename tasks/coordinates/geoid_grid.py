@@ -15,7 +15,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from tasks.coordinates.crs import MapFrame
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import opened
 
 # Second difference that no geoid has over this distance between nodes; it grows with the distance.
@@ -58,12 +58,11 @@ def refuse_damaged_geoid(frame: MapFrame, position: Floats) -> None:
         worst = np.unravel_index(int(np.argmax(np.nan_to_num(rough))), rough.shape)
         if rough[worst] > _ROUGH_M * max(1.0, apart / _NODES_M):
             at = tuple(index + (k == axis) for k, index in enumerate(worst))
-            raise InputError(
+            raise Location(grid).error(
                 f"The geoid grid is damaged: at {np.rad2deg(latitude[at]):.3f}° N, "
                 f"{np.rad2deg(longitude[at]):.3f}° E its undulation is {undulation[at]:.6g} m, about "
                 f"{rough[worst] / 2.0:.3g} m different from its neighbours.",
                 "Fetch it again, and compare its digest with that of its publisher.",
-                file=grid,
             )
 
 

@@ -16,7 +16,7 @@ from adjust.camera.interior import FrameCamera, PixelOrigin
 from adjust.geometry import rotation
 from tasks.deliveries.film_reports import film_camera
 from tasks.deliveries.head_certificates import USES, certificate_of, stated_covariance
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import CameraRecord, PixelCamera
 from tasks.formats.register import read_cameras
 from tasks.nearest_name import did_you_mean
@@ -94,24 +94,21 @@ def _of_file(
         read = found[name]
     else:
         known = did_you_mean(name or "", found)
-        raise InputError(
+        raise Location(file).error(
             f"The camera '{name}' is not in the file." if name else f"The file has {len(found)} cameras.",
             f"Declare name_in_file. {known}",
-            file=file,
         )
     if isinstance(read, PixelCamera):
         if camera.pixel_um is None:
-            raise InputError(
+            raise Location(file).error(
                 "The file gives the camera in pixels, but not the pixel size.",
                 "Declare pixel_um for this camera, next to its file.",
-                file=file,
             )
         return read.with_pixel(camera.pixel_um)
     if camera.pixel_um is not None:
-        raise InputError(
+        raise Location(file).error(
             f"The file gives pixels of {read.pixel_um:g} µm, but pixel_um is also declared.",
             "Leave pixel_um out, so that the two cannot differ.",
-            file=file,
         )
     return _with_principal_point(camera, file, read)
 
@@ -122,12 +119,11 @@ def _with_principal_point(camera: CameraInput, file: Path, read: CameraRecord) -
     if declared is None and known:
         return read
     if declared is None or known:
-        raise InputError(
+        raise Location(file).error(
             "The table and the project file have a principal point."
             if known
             else "The table does not have the principal point of this camera.",
             "Leave principal_point_mm out." if known else "Declare principal_point_mm of this camera.",
-            file=file,
         )
     return replace(read, principal_point_mm=declared)
 
@@ -138,12 +134,11 @@ def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:
     low, high = _PIXELS_UM
     if low <= camera.pixel_um <= high and longest_mm <= _LONGEST_MM:
         return
-    raise InputError(
+    raise Location(file).error(
         f"Pixels of {camera.pixel_um:g} µm make an image of {longest_mm:.6g} mm, with a focal length of "
         f"{camera.focal_length_mm:.6g} mm. Pixels are {low:g} to {high:g} µm wide, and images up to "
         f"{_LONGEST_MM:g} mm.",
         "Correct the size of the pixel or its unit: pixel_um is in µm, <pixel_size> of a camera file in m.",
-        file=file,
     )
 
 

@@ -19,7 +19,7 @@ from tasks.deliveries.file_statement import refuse_other_statement
 from tasks.deliveries.length_units import control_in_metres
 from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
 from tasks.deliveries.source_rows import METRES, Places, about_missing_sigmas, refuse_sigmas
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import ControlRecords
 from tasks.formats.register import read_control
 from tasks.nearest_name import did_you_mean
@@ -138,11 +138,8 @@ def _roles(source: ControlInput, records: ControlRecords, places: Places) -> lis
     names = records.point.to_pylist()
     unknown = [name for name in source.check_points if name not in set(names)]
     if unknown:
-        raise InputError(
-            f"check_points names '{unknown[0]}', which is not in this file.",
-            did_you_mean(unknown[0], names),
-            file=source.file,
-            entity=unknown[0],
+        raise Location(source.file, entity=unknown[0]).error(
+            f"check_points names '{unknown[0]}', which is not in this file.", did_you_mean(unknown[0], names)
         )
     given = roles_of_rows(records.role, places, records.point)
     check = set(source.check_points)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pyarrow.compute as pc
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import ExposureRecords
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import DeliveredFlight
@@ -29,12 +29,10 @@ def with_declared_flights(
         if not pc.any(mine).as_py():
             names = sorted(pc.unique(records.flight.drop_null()).to_pylist())
             known = f"Its flights are: {', '.join(names)}." if names else "It names no flights."
-            raise InputError(
+            raise Location(records.file, entity=name).error(
                 f"inputs.exposures.flights declares the flight '{name}', but the file contains no "
                 "exposure of it.",
                 f"{known} {did_you_mean(name, names)}".strip(),
-                file=records.file,
-                entity=name,
             )
         if own.camera is not None:
             camera = pc.if_else(mine, own.camera, camera)

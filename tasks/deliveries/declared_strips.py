@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import ExposureRecords
 from tasks.settings.inputs import ExposuresInput
 
@@ -56,12 +56,9 @@ def _strips_of_names(records: ExposureRecords, pattern: str, *, keep_flight: boo
     row = next((k for k, one in enumerate(found) if one is None), None)
     if row is not None:
         others = sum(one is None for one in found)
-        raise InputError(
+        raise Location(records.file, int(records.line[row]), str(records.image[row])).error(
             f"The name of the image does not match the pattern '{pattern}' ({others} of {len(found)}).",
             "Correct strip.pattern of this input.",
-            file=records.file,
-            line=int(records.line[row]),
-            entity=str(records.image[row]),
         )
     parts = [one.groupdict() for one in found if one is not None]
     strips = pa.array([part["strip"] for part in parts], pa.string())
@@ -74,12 +71,9 @@ def _strips_of_times(records: ExposureRecords, factor: float) -> ExposureRecords
     time = records.time_s
     if np.isnan(time).any():
         row = int(np.argmax(np.isnan(time)))
-        raise InputError(
+        raise Location(records.file, int(records.line[row]), str(records.image[row])).error(
             'Strips are defined by time gaps (strip = "time-gaps"), but this exposure has no time.',
             'Give it, or define strips by name: strip = { pattern = "{strip}_*" }.',
-            file=records.file,
-            line=int(records.line[row]),
-            entity=str(records.image[row]),
         )
     # Heads of a multi-head system expose together: an interval is one between different times.
     flight = records.flight.fill_null("").to_pylist()

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.trajectory_records import Clock
 
 _PERIODS = {"week": 604_800.0, "day": 86_400.0}
@@ -41,10 +41,9 @@ def on_clock_of(
     """
     if events.scale != trajectory.scale:
         if gps_minus_utc is None:
-            raise InputError(
+            raise Location(file).error(
                 f"The events are in {events}, the trajectory in {trajectory}: the leap seconds are missing.",
                 "Declare trajectory.gps_minus_utc_s (18 since 2017).",
-                file=file,
             )
         time = time + (gps_minus_utc if events.scale == "utc" else -gps_minus_utc)
     periods = [_PERIODS[clock.count] for clock in (events, trajectory) if clock.count != "date"]
@@ -53,10 +52,9 @@ def on_clock_of(
     first, last = span
     period = min(periods)
     if last - first >= period:
-        raise InputError(
+        raise Location(file).error(
             f"The trajectory lasts {last - first:,.0f} s, but event times repeat after {period:,.0f} s.",
             "Deliver event times as dates, or a trajectory for each day.",
-            file=file,
         )
     # Into the period that begins with the trajectory, or, if nearer, before it.
     since = np.remainder(time - first, period)

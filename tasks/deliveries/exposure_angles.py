@@ -23,7 +23,7 @@ from adjust.geometry.rotation import (
 )
 from tasks.coordinates.datum_change import Transfer
 from tasks.deliveries.source_rows import Places
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.records import ExposureRecords
 from tasks.settings.coordinates import Angles
 
@@ -95,16 +95,14 @@ def body_rates(records: ExposureRecords, declared: Angles) -> Floats:
     """
     given = records.rates is not None and bool(np.isfinite(records.rates).any())
     if given and declared.rate_axes is None:
-        raise InputError(
+        raise Location(records.file).error(
             "The file gives rates (rate_roll, rate_pitch, rate_yaw), but their axes are not declared.",
             'Declare angles.rate_axes = "forward-right-down" or "forward-left-up".',
-            file=records.file,
         )
     if declared.rate_axes is not None and not given:
-        raise InputError(
+        raise Location(records.file).error(
             "The axes of rates are declared (angles.rate_axes), but the file contains no rates.",
             "Add the columns rate_roll, rate_pitch, rate_yaw, or leave rate_axes out.",
-            file=records.file,
         )
     if records.rates is None:
         return np.full_like(records.angles, np.nan)

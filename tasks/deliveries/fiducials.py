@@ -204,4 +204,4 @@ def _of_file(
 
 def _error(row: pd.Series, what: str, remedy: str) -> InputError:
     entity = f"mark {row['mark']} in image {row['image']}"
-    return InputError(what, remedy, file=Path(row["file"]), line=int(row["line"]), entity=entity)
+    return InputError(what, remedy, Path(row["file"]), int(row["line"]), entity)

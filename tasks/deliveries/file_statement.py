@@ -10,7 +10,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from tasks.coordinates.crs import MapFrame
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.toml_text import toml_value
 from tasks.formats.records import FileStatement
 from tasks.settings.coordinates import ELLIPSOIDAL, LOCAL
@@ -73,10 +73,9 @@ def refuse_other_statement(
         datum = datum or _datum_name(stated_frame)
     found, meant = _datum(datum), _datum(_datum_name(frame))
     if found is not None and meant is not None and found != meant:
-        raise InputError(
+        raise Location(file).error(
             f"The file states coordinates in the datum {found}, but {frame.name} is in {meant}.",
             f"Declare the CRS of the file. {_MISLABELLED}",
-            file=file,
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from adjust.camera.radial_distortion import FittedDistortion, RadialDistortion, fit_distortion
 from adjust.errors import InconsistentBlockError
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import CameraRecord
 from tasks.settings.base import PathContext
 from tasks.settings.cameras import CameraInput
@@ -96,10 +96,9 @@ def _of(camera: CameraInput) -> FilmReport:
         ("lens", report.camera.lens, camera.identity.lens),
     ):
         if None not in (there, here) and there != here:
-            raise InputError(
+            raise Location(path).error(
                 f"The calibration report is of {what} {there}, and the images are of {what} {here}.",
                 "Name the report of this camera, or correct identity.",
-                file=path,
             )
     return report
 
@@ -130,4 +129,4 @@ def _fitted(camera: CameraInput, report: FilmReport) -> FittedDistortion:
     try:
         return fit_distortion(_stated(camera, report), 1e-3 * report.camera.focal_length_mm)
     except InconsistentBlockError as error:
-        raise InputError(str(error), "Give the whole table.", file=camera.calibration_report) from error
+        raise Location(camera.calibration_report).error(str(error), "Give the whole table.") from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.head_certificate import HeadCertificate, read_head_certificate
 from tasks.settings.cameras import CalibrationCovariance, CameraInput
 
@@ -31,20 +31,16 @@ def certificate_of(camera: CameraInput, path: Path) -> HeadCertificate:
         if there == here:
             continue
         if there is not None and here is not None:
-            raise InputError(
+            raise Location(path, entity=name).error(
                 f"The certificate is of {words} {there}, and the camera of {here}: the calibration of "
                 f"another {words} is not applied.",
                 "Name the certificate of this head, or correct identity.",
-                file=path,
-                entity=name,
             )
         given, missing = ("certificate", "camera") if here is None else ("camera", "certificate")
         place = f"identity.{name} of the camera" if here is None else f"[head] {name} of the certificate"
-        raise InputError(
+        raise Location(path, entity=name).error(
             f"The {given} declares the {words} {there or here}, and the {missing} does not.",
             f"Declare it: {place}.",
-            file=path,
-            entity=name,
         )
     return certificate
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import ExposureRecords, ImagePointRecords
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
@@ -41,8 +41,8 @@ def with_image_names(records: _Records, table: Path | None) -> _Records:
         again = pd.Series(names).duplicated().to_numpy()
         if again.any():
             row = int(np.argmax(again))
-            raise InputError(
-                "The name is in two lines.", "Keep one of them.", table, int(rows.line[row]), names[row]
+            raise Location(table, int(rows.line[row]), names[row]).error(
+                "The name is in two lines.", "Keep one of them."
             )
     known = dict(zip(theirs, ours, strict=True))
     kept_once = isinstance(records.image, pa.DictionaryArray)
@@ -51,12 +51,9 @@ def with_image_names(records: _Records, table: Path | None) -> _Records:
     missing = next((name for name in delivered if name not in known), None)
     if missing is not None:
         row = int(np.argmax(np.array(records.image.to_pylist(), dtype=object) == missing))
-        raise InputError(
+        raise Location(records.file, int(records.line[row]), missing).error(
             f"The table of names, {table.name}, does not have this image.",
             f"Add it there. {did_you_mean(missing, theirs)}",
-            file=records.file,
-            line=int(records.line[row]),
-            entity=missing,
         )
     names = pa.array([known[name] for name in delivered], pa.string())
     image = pa.DictionaryArray.from_arrays(encoded.indices, names)

@@ -26,7 +26,7 @@ from tasks.deliveries.image_point_units import in_format, unit_mm
 from tasks.deliveries.measured_points import Codes, MeasuredFile, MeasuredPoints, blocks, counted
 from tasks.deliveries.points_in_images import look_through
 from tasks.deliveries.source_rows import Places, SigmaRange, refuse_sigmas, sigmas_missing
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.joined_names import joined_names
 from tasks.formats.records import ImagePointRecords
 from tasks.formats.register import read_image_points
@@ -162,13 +162,10 @@ def _exposure_of_code(records: ImagePointRecords, exposures: pd.DataFrame) -> Co
         row = int(np.argmax(unknown))
         name = records.image[row].as_py()
         others = f" and {int(strange.sum()) - 1} other images" if strange.sum() > 1 else ""
-        raise InputError(
+        raise Location(records.file, int(records.line[row]), name).error(
             f"There is no exposure of this image{others} ({int(unknown.sum())} image points).",
             f"Add it to the exposures (position and angles may be empty), correct the name, or declare "
             f'inputs.images_without_exposure = "orient". {did_you_mean(name, exposures["image"])}',
-            file=records.file,
-            line=int(records.line[row]),
-            entity=name,
         )
     return number
 
@@ -236,11 +233,10 @@ def _refuse_nothing_to_intersect(
 ) -> None:
     """Raise if no point is seen in two images and no image sees enough surveyed points to be resected."""
     if rays.max() < 2 and of_image.max(initial=0) < _RESECTION:
-        raise InputError(
+        raise Location(measured.files[0].file).error(
             f"No point is measured in two images ({int(rays.sum()):,} image points in all): they determine "
             "neither points nor orientations.",
             "Deliver the image points of all images, with the same name for the same point.",
-            file=measured.files[0].file,
         )
 
 

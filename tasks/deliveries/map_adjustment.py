@@ -28,7 +28,7 @@ from adjust.handover.refit import Freed, refit
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map, map_from_local
 from tasks.deliveries.exposure_angles import RADIANS_PER_UNIT
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import ExposureRecords
 from tasks.settings.inputs import ExposuresInput
 
@@ -64,10 +64,9 @@ def true_orientations(
     if declared is None:
         return records
     if not frame.is_projected:
-        raise InputError(
+        raise Location(source.file).error(
             f"The orientations cannot have been adjusted in {source.crs}, which is not a map projection.",
             "Declare the CRS in which they were adjusted, or leave adjusted_in out.",
-            file=source.file,
         )
     rows = np.flatnonzero(np.isfinite(np.hstack([records.position, records.angles])).all(axis=1))
     if len(rows) == 0:
@@ -77,12 +76,9 @@ def true_orientations(
     above = pose.centre[:, 2] - declared.ground_m
     if (above <= 0.0).any():
         row = int(rows[int(np.argmin(above))])
-        raise InputError(
+        raise Location(source.file, int(records.line[row]), str(records.image[row])).error(
             f"The exposure is {-above.min():,.1f} m below the ground (adjusted_in.ground_m).",
             "Declare the mean height of the ground in the heights of this input.",
-            file=source.file,
-            line=int(records.line[row]),
-            entity=str(records.image[row]),
         )
     ideal, height = _samples(frames, above, declared.ground_m)
     world = CartesianMap(EARTH_RADIUS_M if declared.world == "map-cartesian-curved" else None)
@@ -91,13 +87,12 @@ def true_orientations(
     in_pixels = misfit / np.array([one.pixel_size for one in frames])
     worst = int(np.argmax(in_pixels))
     if in_pixels[worst] >= REFUSED_PX:
-        raise InputError(
+        raise Location(
+            source.file, int(records.line[rows[worst]]), str(records.image[int(rows[worst])])
+        ).error(
             f"No rigorous orientation reproduces the image points of this one: {in_pixels[worst]:.0f} "
             "pixels differ.",
             "Check the camera, the CRS and adjusted_in.ground_m.",
-            file=source.file,
-            line=int(records.line[rows[worst]]),
-            entity=str(records.image[int(rows[worst])]),
         )
     position, angles = records.position.copy(), records.angles.copy()
     position[rows], angles[rows] = found.centre, _angles(found.map_from_camera, source)

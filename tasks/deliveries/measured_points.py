@@ -108,7 +108,7 @@ class MeasuredPoints:
     def error(self, row: int, what: str, remedy: str, entity: str | None = None) -> InputError:
         """An error at the place of a row."""
         file, line = self.place(row)
-        return InputError(what, remedy, file=file, line=line, entity=entity)
+        return InputError(what, remedy, file, line, entity)
 
     def place(self, row: int) -> tuple[Path, int]:
         """File and line of a row."""

@@ -41,9 +41,7 @@ class Places:
 
     def error(self, row: int, what: str, remedy: str, entity: str | None = None) -> InputError:
         """An error at the place of a row."""
-        return InputError(
-            what, remedy, file=self.files[int(self.file[row])], line=int(self.line[row]), entity=entity
-        )
+        return InputError(what, remedy, self.files[int(self.file[row])], int(self.line[row]), entity)
 
     def refuse_duplicates(self, codes: NDArray[np.int64], kind: str, names: Sequence[Sequence[str]]) -> None:
         """Raise if two rows have the same code.

@@ -20,7 +20,7 @@ from adjust.geometry.rotation import to_heading_pitch_roll
 from tasks.deliveries.event_times import nearest_period, on_clock_of
 from tasks.deliveries.trajectory_path import TrajectoryPath, path_of
 from tasks.deliveries.trajectory_window import ENU_FROM_NED, Window, window_of
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.earth_poses import WGS84, in_degrees
 from tasks.formats.records import ExposureRecords
 from tasks.formats.register import ACCURACY_FORMATS, TRAJECTORY_FORMATS, read_events
@@ -74,10 +74,9 @@ def exposures_of_trajectory(source: ExposuresInput) -> tuple[ExposureRecords, Tr
     _refuse_outside(events, found, source.events)
     rows = np.flatnonzero(found.inside)
     if len(rows) == 0:
-        raise InputError(
+        raise Location(events.file).error(
             f"None of the {len(found.time):,} events lies within the trajectory {source.file.name}.",
             f"{found.trouble[0]} Check the clocks (trajectory.time, events.time).",
-            file=events.file,
         )
     first = found.first[rows]
     # Rates of other axes are delivered as they stand and turned with the angles; here they are needed.
@@ -124,7 +123,7 @@ def _longest_gap(records: TrajectoryRecords, source: ExposuresInput) -> float:
 
 def _found(records: TrajectoryRecords, clock: Clock, events: EventRecords, source: ExposuresInput) -> _Found:
     if len(records.time_s) < 2:
-        raise InputError("A trajectory needs two samples.", "Deliver it again.", file=records.file)
+        raise Location(records.file).error("A trajectory needs two samples.", "Deliver it again.")
     assert events.clock is not None  # set when they were read
     begin, end = float(records.time_s[0]), float(records.time_s[-1])
     time = on_clock_of(
@@ -151,13 +150,10 @@ def _refuse_outside(events: EventRecords, found: _Found, declared: EventsInput) 
     if found.inside.all() or declared.outside == "leave-out":
         return
     row = int(np.argmin(found.inside))
-    raise InputError(
+    raise Location(events.file, int(events.line[row]), str(events.image[row])).error(
         f"The trajectory does not contain the time of this event. {found.trouble[row]} "
         f"({int((~found.inside).sum()):,} of {len(found.inside):,} events are outside.)",
         'Check the clocks, deliver the whole trajectory, or declare events.outside = "leave-out".',
-        file=events.file,
-        line=int(events.line[row]),
-        entity=str(events.image[row]),
     )
 
 
@@ -258,13 +254,10 @@ def _with_sigmas(
     beyond = (moment < time[0]) | (moment > time[-1])
     if beyond.any():
         row = int(rows[int(np.argmax(beyond))])
-        raise InputError(
+        raise Location(exposures.file, int(exposures.line[row]), str(exposures.image[row])).error(
             f"The accuracies {accuracy.file.name} do not contain the time of this event "
             f"({int(beyond.sum()):,} events); they run from {time[0]:,.3f} to {time[-1]:,.3f} s.",
             "Deliver those of the whole trajectory, or leave trajectory.accuracy out.",
-            file=exposures.file,
-            line=int(exposures.line[row]),
-            entity=str(exposures.image[row]),
         )
     for target, given in ((position, accuracy.sigma_position), (angles, accuracy.sigma_angles)):
         target[rows] = np.column_stack([np.interp(moment, time, column) for column in given.T])

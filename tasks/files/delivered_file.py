@@ -28,7 +28,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.in_turn import in_turn
 from tasks.files.installation import InstallationError
 
@@ -69,11 +69,10 @@ class FileLimits:
         }[kind]
         if size <= most * _MB:
             return None
-        return InputError(
+        return Location(path).error(
             f"The file has {math.ceil(size / _MB):,} MB, more than the {most:,} MB that this "
             "installation accepts.",
             f"Deliver the right file, or divide it; the administrator can raise {variable}.",
-            file=path,
         )
 
     def require_rows(self, path: Path, rows: int) -> None:
@@ -85,10 +84,9 @@ class FileLimits:
             If it has.
         """
         if rows > self.rows:
-            raise InputError(
+            raise Location(path).error(
                 f"The file has {rows:,} rows, more than the {self.rows:,} that this installation accepts.",
                 f"Deliver the right file, or divide it; the administrator can raise {ROWS_VARIABLE}.",
-                file=path,
             )
 
 
@@ -191,9 +189,7 @@ def _pieces(stream: BufferedReader, path: Path, size: int) -> Iterator[bytes]:
 
 
 def _grows(path: Path) -> InputError:
-    return InputError(
-        "The file grows while it is being read.", "Wait until it has been delivered.", file=path
-    )
+    return Location(path).error("The file grows while it is being read.", "Wait until it has been delivered.")
 
 
 def digest_of_delivered(path: Path) -> str:
@@ -231,10 +227,9 @@ def keyed_by(digests: Mapping[Path, str]) -> Iterator[None]:
 
 def changed(path: Path) -> InputError:
     """The error that a file has changed since the stage that reads it began."""
-    return InputError(
+    return Location(path).error(
         "The file changed while it was being read.",
         "Wait until it has been delivered completely, then run again.",
-        file=path,
     )
 
 
@@ -271,13 +266,13 @@ def opened(path: Path, kind: Kind) -> Iterator[BufferedReader]:
 
 def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
     reason = error.strerror if isinstance(error, OSError) else "no path"
-    return InputError(f"The file cannot be read ({reason}).", "Check the path.", file=path)
+    return Location(path).error(f"The file cannot be read ({reason}).", "Check the path.")
 
 
 def _trouble_of_status(path: Path, status: os.stat_result, kind: Kind) -> InputError | None:
     if not stat.S_ISREG(status.st_mode):
-        return InputError(
-            "This is not an ordinary file, but a folder, device or pipe.", "Correct the path.", file=path
+        return Location(path).error(
+            "This is not an ordinary file, but a folder, device or pipe.", "Correct the path."
         )
     return file_limits().trouble(path, status.st_size, kind)
 
@@ -290,6 +285,6 @@ def _trouble_of_place(path: Path, status: os.stat_result) -> InputError | None:
     except (OSError, RuntimeError):
         # Gone, or links in a circle: not there any more either way.
         pass
-    return InputError(
-        "The path contains a link that did not exist before.", "Deliver the file itself.", file=path
+    return Location(path).error(
+        "The path contains a link that did not exist before.", "Deliver the file itself."
     )

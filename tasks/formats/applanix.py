@@ -20,7 +20,7 @@ import pyarrow as pa
 
 from adjust.arrays import Floats
 from adjust.geometry.earth import Ellipsoid, geodetic_from_ecef
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
@@ -64,31 +64,28 @@ def read_applanix(path: Path, _order: AngleOrder) -> ExposureRecords:
     text = next(pieces)
     found = _FORMAT.search(text)
     if found is None:
-        raise InputError(
+        raise Location(path).error(
             "There is no line 'Record Format:', which ends the header of an Applanix EO file.",
             "Deliver the file with its header, or declare another format.",
-            file=path,
         )
     header, begin = text[: found.start()], text.count("\n", 0, found.end()) + 1
     below = text[found.end() :].split("\n")[1:]
     head = next((k for k, line in enumerate(below) if line.strip()), None)
     units = None if head is None else next((k for k in range(head + 1, len(below)) if below[k].strip()), None)
     if head is None or units is None:
-        raise InputError("The file ends in its header.", "Deliver it again.", file=path)
+        raise Location(path).error("The file ends in its header.", "Deliver it again.")
     names = [name.strip().upper() for name in below[head].split(",")]
     geocentric = set(_GEOCENTRIC) <= set(names)
     wanted = _GEOCENTRIC if geocentric else _MAP
     stated: AngleOrder = "heading-pitch-roll" if geocentric else _stated_order(header, path)
     missing = [name for name in ("ID", "TIME (S)", *wanted) if name not in names]
     if missing or len(set(names)) < len(names):
-        raise InputError(
+        raise Location(path, begin + head + 1).error(
             f"The columns of this file lack {', '.join(missing)}."
             if missing
             else "A column name is used twice.",
             "Required are ID, TIME (s) and EASTING, NORTHING, ELLIPSOID HEIGHT, OMEGA, PHI, KAPPA, or X, "
             "Y, Z, ROLL, PITCH, HEADING.",
-            file=path,
-            line=begin + head + 1,
         )
     _refuse_other_units(below[units], path, begin + units + 1)
     numeric = tuple(name for name in names if name not in ("ID", "# EVENT"))
@@ -140,22 +137,19 @@ def _stated_order(header: str, path: Path) -> AngleOrder:
     about = {"omega": "x", "phi": "y", "kappa": "z"}
     if angles in _ORDERS and all(about[angle.lower()] == axis.lower() for axis, angle in axes):
         return _ORDERS[angles]
-    raise InputError(
+    raise Location(path).error(
         "The header does not say that rotations are about x by omega, about y by phi, about z by kappa "
         f"({', '.join(angles) or 'no sequence is stated'}).",
         "Compute the orientations with this sequence, or deliver them as a table.",
-        file=path,
     )
 
 
 def _refuse_other_units(line: str, path: Path, number: int) -> None:
     plain = line.lower()
     if not (re.search(r"position in m(eters?|etres?)?\b", plain) and re.search(r"orientation in deg", plain)):
-        raise InputError(
+        raise Location(path, number).error(
             "The line of units does not state positions in metres and orientations in degrees.",
             "Compute the orientations in metres and degrees.",
-            file=path,
-            line=number,
         )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import exp
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.plain_records import (
     degrees_of_rotations,
     exposures_of,
@@ -40,9 +40,7 @@ def read_bal_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     names = [str(number) for number in range(len(cameras))]
     at = [2 + len(observations) + _OF_CAMERA * number for number in range(len(cameras))]
     if (np.abs(cameras[:, :3]) > 1e3).any():
-        raise InputError(
-            "A rotation vector is longer than a full turn.", "Deliver the file again.", file=path
-        )
+        raise Location(path).error("A rotation vector is longer than a full turn.", "Deliver the file again.")
     world_from_camera = np.swapaxes(exp(cameras[:, :3]), 1, 2)
     centre = -np.einsum("nij,nj->ni", world_from_camera, cameras[:, 3:6])
     angles = degrees_of_rotations(path, world_from_camera, names, at)
@@ -70,11 +68,9 @@ def _opened(path: Path) -> tuple[Floats, Floats]:
     first, _, rest = next(pieces).partition(b"\n")
     counts = first.split()
     if len(counts) != 3 or not all(one.isdigit() and len(one) < 10 for one in counts):
-        raise InputError(
+        raise Location(path, 1).error(
             "The first line is not the three numbers of cameras, points and observations.",
             "Check that it is a BAL problem, unpacked.",
-            file=path,
-            line=1,
         )
     cameras, points, observations = (int(one) for one in counts)
     needed = _OF_OBSERVATION * observations + _OF_CAMERA * cameras + _OF_POINT * points
@@ -87,20 +83,19 @@ def _opened(path: Path) -> tuple[Floats, Floats]:
         except ValueError as error:
             strange = error
     if found != needed:
-        raise InputError(
+        raise Location(path).error(
             f"The file has {found} numbers after the first line, and {needed} are announced.",
             "It may have been cut off: deliver it again.",
-            file=path,
         )
     if strange is not None:
-        raise InputError(
-            "The file contains text where a number is expected.", "Deliver it again.", file=path
+        raise Location(path).error(
+            "The file contains text where a number is expected.", "Deliver it again."
         ) from strange
     table = values[: _OF_OBSERVATION * observations].reshape(-1, _OF_OBSERVATION)
     index = table[:, :2]
     if not ((index >= 0) & (index < [cameras, points]) & (index == np.round(index))).all():
-        raise InputError("An observation names no camera or point.", "Deliver it again.", file=path)
+        raise Location(path).error("An observation names no camera or point.", "Deliver it again.")
     if not np.isfinite(values).all():
-        raise InputError("The file contains a number that is not finite.", "Deliver it again.", file=path)
+        raise Location(path).error("The file contains a number that is not finite.", "Deliver it again.")
     begin = _OF_OBSERVATION * observations
     return table, values[begin : begin + _OF_CAMERA * cameras].reshape(-1, _OF_CAMERA)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from array import array
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import control_of, exposures_of, numbers_of
@@ -52,10 +52,9 @@ def read_bingo_orientations(path: Path, order: AngleOrder) -> ExposureRecords:
         With file and line: no such lines, an order that the program does not have.
     """
     if order == "heading-pitch-roll":
-        raise InputError(
+        raise Location(path).error(
             "A BINGO file contains φ, ω, κ (or ω, φ, κ), but the project file declares heading-pitch-roll.",
             'Declare angles.order = "phi-omega-kappa".',
-            file=path,
         )
     image, camera = [], []
     position, angles, at = array("d"), array("d"), array("q")

@@ -24,7 +24,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.plain_records import (
@@ -97,7 +97,7 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
     for group in parsed_xml(path).iter("Photogroup"):
         name = group.findtext("Name") or "Photogroup"
         if (group.findtext("CameraModelType") or "Perspective") != "Perspective":
-            raise InputError("Only perspective cameras are read.", "Leave it out.", path, None, name)
+            raise Location(path, entity=name).error("Only perspective cameras are read.", "Leave it out.")
         size = _child(path, group, "ImageDimensions")
         columns, rows = _number(path, size, "Width"), _number(path, size, "Height")
         longer = max(columns, rows)
@@ -114,12 +114,10 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
         aspect = _number(path, group, "AspectRatio") if group.find("AspectRatio") is not None else 1.0
         skew = _number(path, group, "Skew") if group.find("Skew") is not None else 0.0
         if not (columns.is_integer() and rows.is_integer() and c > 0.0) or aspect != 1.0 or skew != 0.0:
-            raise InputError(
+            raise Location(path, entity=name).error(
                 "The camera has a fractional number of pixels, a focal length that is not positive, or "
                 "pixels that are not square.",
                 "Declare the camera in the project file.",
-                file=path,
-                entity=name,
             )
         point = group.find("PrincipalPoint")
         offset = (0.0, 0.0)
@@ -131,7 +129,7 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
         known = {f"brown-forward:{key}": value for key, value in given.items() if value}
         found[name] = PixelCamera(int(columns), int(rows), c, offset, known)
     if not found:
-        raise InputError("There is no camera in the file.", "Export the photo groups.", file=path)
+        raise Location(path).error("There is no camera in the file.", "Export the photo groups.")
     return found
 
 
@@ -170,18 +168,16 @@ def read_blocks_control(path: Path) -> ControlRecords:
         systems.add(item.findtext("SRSId"))
         at.append(number)
     if len(systems) > 1:
-        raise InputError("Control points are in several reference systems.", "Export them in one.", file=path)
+        raise Location(path).error("Control points are in several reference systems.", "Export them in one.")
     crs, local_place = _reference(path, root, systems.pop() if systems else None)
     if local_place is None:
         states = FileStatement(crs=crs)
         return control_of(path, point, position, at, role=role, sigma=sigma, states=states)
     given = np.array(position).reshape(-1, 3)
     if np.isnan(given).any():
-        raise InputError(
+        raise Location(path, entity=point[int(np.argmax(np.isnan(given).any(axis=1)))]).error(
             "Points with incomplete coordinates cannot be read in a local east, north, up system.",
             "Export them in a map projection.",
-            path,
-            entity=point[int(np.argmax(np.isnan(given).any(axis=1)))],
         )
     turn = np.broadcast_to(np.eye(3), (len(given), 3, 3))
     geographic, _ = geographic_poses(*geocentric_poses((*local_place, 0.0), given, turn))
@@ -209,11 +205,9 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
             number = measurement.findtext("PhotoId")
             photo = photos.get(number)
             if photo is None:
-                raise InputError(
+                raise Location(path, entity=name).error(
                     f"A measurement is in the photo {number}, which is not in the file.",
                     "Export all photos of the block.",
-                    file=path,
-                    entity=name,
                 )
             image.append(photo)
             point.append(name)
@@ -230,7 +224,7 @@ def _photos(
         for photo in group.findall("Photo"):
             name = PureWindowsPath(photo.findtext("ImagePath") or "").name
             if not name:
-                raise InputError("A photo has no ImagePath.", "Export the block again.", file=path)
+                raise Location(path).error("A photo has no ImagePath.", "Export the block again.")
             yield name, group, photo
 
 
@@ -239,10 +233,9 @@ def _world_from_camera(path: Path, turn: ElementTree.Element) -> Floats:
         rows = [[_number(path, turn, f"M_{i}{j}") for j in range(3)] for i in range(3)]
         return np.array(rows).T
     if turn.find("Omega") is None:
-        raise InputError(
+        raise Location(path).error(
             "Rotations are given as heading, pitch and roll, whose convention is not published.",
             "Export them as a matrix, or as omega, phi, kappa.",
-            file=path,
         )
     angles = [np.radians(_number(path, turn, name)) for name in ("Omega", "Phi", "Kappa")]
     return from_omega_phi_kappa(np.array(angles))
@@ -253,8 +246,8 @@ def _camera_from_ours(path: Path, group: ElementTree.Element) -> Floats:
     name = group.findtext("CameraOrientation") or "XRightYDown"
     found = _ORIENTATION.match(name.strip())
     if found is None or np.dot(_AXES[found.group(1)], _AXES[found.group(2)]) != 0.0:
-        raise InputError(
-            f"The camera orientation '{name}' does not exist.", "Export the block again.", file=path
+        raise Location(path).error(
+            f"The camera orientation '{name}' does not exist.", "Export the block again."
         )
     x, y = _AXES[found.group(1)], _AXES[found.group(2)]
     return np.array([x, y, np.cross(x, y)])
@@ -277,17 +270,15 @@ def _reference(
         ("+proj=", "PROJCS", "GEOGCS", "PROJCRS", "GEOGCRS")
     ):
         return text, None
-    raise InputError(
-        f"The reference system '{text[:40]}' is not supported.",
-        "Export the block in an EPSG system.",
-        path,
+    raise Location(path).error(
+        f"The reference system '{text[:40]}' is not supported.", "Export the block in an EPSG system."
     )
 
 
 def _child(path: Path, item: ElementTree.Element, name: str) -> ElementTree.Element:
     found = item.find(name)
     if found is None:
-        raise InputError(f"An element <{item.tag}> lacks <{name}>.", "Export the block again.", file=path)
+        raise Location(path).error(f"An element <{item.tag}> lacks <{name}>.", "Export the block again.")
     return found
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
@@ -70,7 +70,7 @@ def read_bundler_image_points(path: Path) -> ImagePointRecords:
         words = line.split()
         count = int(numbers_of(path, words, 1, place, "the number of views")[0])
         if count < 0:
-            raise InputError("The number of views is negative.", "Deliver the file again.", path, place)
+            raise Location(path, place).error("The number of views is negative.", "Deliver the file again.")
         views.extend(numbers_of(path, words[1:], 4 * count, place, "camera, key, x, y of each view"))
         counts.append(count)
         at.append(place)
@@ -84,16 +84,14 @@ def _opened(path: Path) -> tuple[Iterator[tuple[int, str]], int, int]:
     """Lines from the first camera on, number of cameras, number of points."""
     rows = numbered_lines(path)
     if not next(rows)[1].startswith("# Bundle file v0.3"):
-        raise InputError(
-            "The file does not begin with '# Bundle file v0.3'.", "Check that it is bundle.out.", path, 1
+        raise Location(path, 1).error(
+            "The file does not begin with '# Bundle file v0.3'.", "Check that it is bundle.out."
         )
     cameras, points = numbers_of(path, next(rows, (2, ""))[1].split(), 2, 2, "numbers of cameras and points")
     count = DeliveredLines.of(path, lone_return=b"").lines
     if min(cameras, points) < 0 or 2 + 5 * cameras + 3 * points > count:
-        raise InputError(
+        raise Location(path, 2).error(
             f"The file has {count} lines, too few for {cameras:g} cameras and {points:g} points.",
             "It may have been cut off: deliver it again.",
-            file=path,
-            line=2,
         )
     return rows, int(cameras), int(points)

@@ -6,7 +6,7 @@ import re
 from datetime import date
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.plain_text import quoted
 
 _EPOCH = date(1980, 1, 6)
@@ -34,10 +34,7 @@ def seconds_of_date(path: Path, text: str, line: int) -> float:
         if hour > 23 or minute > 59 or seconds >= 61.0 or days < 0:
             raise ValueError
     except ValueError as error:
-        raise InputError(
-            f"{quoted(text)} is not a date with a time since 1980.",
-            "Write it like 2020-12-24T21:28:42.000.",
-            file=path,
-            line=line,
+        raise Location(path, line).error(
+            f"{quoted(text)} is not a date with a time since 1980.", "Write it like 2020-12-24T21:28:42.000."
         ) from error
     return float(days * _DAY_S + hour * 3600 + minute * 60) + seconds

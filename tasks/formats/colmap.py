@@ -22,7 +22,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import file_limits
 from tasks.formats.colmap_rigs import colmap_events, colmap_heads
 from tasks.formats.long_columns import table_of
@@ -153,7 +153,7 @@ def read_colmap_cameras(path: Path) -> Mapping[str, PixelCamera]:
     rows = _camera_rows_text(path, content) if _is_text(content) else _camera_rows_binary(path, content)
     found = {row[0]: camera_of_colmap(path, *row) for row in rows}
     if not found:
-        raise InputError("There is no camera in the file.", "Check that it is the file of cameras.", path)
+        raise Location(path).error("There is no camera in the file.", "Check that it is the file of cameras.")
     return found
 
 
@@ -179,23 +179,17 @@ def camera_of_colmap(
     """
     names = _MODELS.get(model, "").split()
     if not names or len(parameters) < len(names) or not all(abs(value) < 1e9 for value in parameters):
-        raise InputError(
+        raise Location(path, line, f"camera {number}").error(
             f"The camera model {model} is not supported, or its parameters are incomplete.",
             "Declare the camera in the project file. Supported models: "
             f"{', '.join(name for name, parameters in _MODELS.items() if parameters)}.",
-            file=path,
-            line=line,
-            entity=f"camera {number}",
         )
     values = dict(zip(names, parameters, strict=False))
     c = values.pop("fy", 0.0) or values.get("f", 0.0)
     if c <= 0.0 or any(values.get(name) for name in ("k4", "k5", "k6")):
-        raise InputError(
+        raise Location(path, line, f"camera {number}").error(
             "The focal length is not positive, or distortion is a fraction (k4 to k6), which is not read.",
             "Declare the camera in the project file.",
-            file=path,
-            line=line,
-            entity=f"camera {number}",
         )
     distortion = {key: values[key] for key in ("k1", "k2", "k3", "p1", "p2") if values.get(key)}
     if "fx" in values and values["fx"] != c:
@@ -242,17 +236,15 @@ def _images_text(path: Path, content: bytes) -> Iterator[_Image]:
         number, words = waiting
         pose = numbers_of(path, words[1:], 7, number, "quaternion and translation")
         if len(words) < 10:
-            raise InputError("The image has no name.", "Deliver the file again.", file=path, line=number)
+            raise Location(path, number).error("The image has no name.", "Deliver the file again.")
         xy, point = _points_of_line(path, text, line)
         image = number_of(path, words[0], number, "the number of the image")
         yield _Image(int(image), words[9].strip(), words[8], pose, number, xy, point)
         waiting = None
     if waiting is not None:
-        raise InputError(
+        raise Location(path, waiting[0]).error(
             "The line of image points of the last image is missing.",
             "The file may have been cut off: deliver it again.",
-            file=path,
-            line=waiting[0],
         )
 
 
@@ -263,11 +255,9 @@ def _points_of_line(path: Path, text: str, line: int) -> tuple[Floats, NDArray[n
         if not (np.abs(values) < 1e15).all() or (numbers != np.round(numbers)).any() or (numbers < -1).any():
             raise ValueError
     except ValueError as error:
-        raise InputError(
+        raise Location(path, line).error(
             "The line of image points is not x, y and the number of a 3D point each.",
             "Every image has two lines, of which the second may be empty: deliver the file again.",
-            file=path,
-            line=line,
         ) from error
     point = np.where(numbers < 0, 0, numbers).astype(np.uint64)
     return values[:, :2], np.where(numbers < 0, np.uint64(_NONE), point)
@@ -305,11 +295,8 @@ def _unpacked(path: Path, layout: str, content: bytes, at: int) -> tuple[Any, ..
 
 
 def _cut_off(path: Path, entry: int | None) -> InputError:
-    return InputError(
-        "The file ends in the middle of an entry, or is not a binary file of COLMAP.",
-        "Deliver it again.",
-        file=path,
-        line=entry,
+    return Location(path, entry).error(
+        "The file ends in the middle of an entry, or is not a binary file of COLMAP.", "Deliver it again."
     )
 
 

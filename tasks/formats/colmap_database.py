@@ -23,7 +23,7 @@ import numpy as np
 import pyarrow as pa
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.colmap import camera_of_colmap, model_of_number
 from tasks.formats.homologous_points import joined_to_tracks, named, tie_names
 from tasks.formats.long_columns import table_of
@@ -58,10 +58,9 @@ def read_colmap_database_cameras(path: Path) -> Mapping[str, PixelCamera]:
             _rows(path, database, "cameras", "camera_id, model, width, height, params"), 1
         ):
             if entry > _MOST_CAMERAS:
-                raise InputError(
+                raise Location(path).error(
                     f"The database has more than {_MOST_CAMERAS:,} cameras.",
                     "Let the images of a camera share it (COLMAP: ImageReader.single_camera).",
-                    path,
                 )
             number, model, columns, rows = (_whole(path, value, entry) for value in row[:4])
             values = _array(path, row[4], "<f8", entry).tolist()
@@ -69,7 +68,7 @@ def read_colmap_database_cameras(path: Path) -> Mapping[str, PixelCamera]:
                 path, str(number), model_of_number(model), float(columns), float(rows), values, entry
             )
     if not found:
-        raise InputError("There is no camera in the database.", "Check that it is the right one.", path)
+        raise Location(path).error("There is no camera in the database.", "Check that it is the right one.")
     return found
 
 
@@ -112,10 +111,9 @@ def read_colmap_database_image_points(path: Path) -> ImagePointRecords:
     image_of_end.clear()
     xy.clear()
     if len(of_ends) == 0:
-        raise InputError(
+        raise Location(path).error(
             "There is no verified match in the database (two_view_geometries).",
             "Run the matcher of COLMAP with geometric verification.",
-            file=path,
         )
     kept, track = joined_to_tracks(of_ends, measured)
     return image_points_of(
@@ -145,10 +143,9 @@ def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRe
         key = "corr_data_id" if "corr_data_id" in known else "image_id"
         covariance = "position_covariance" if "position_covariance" in known else "NULL"
         if not {key, "position", "coordinate_system"} <= known:
-            raise InputError(
+            raise Location(path).error(
                 "The database has no position priors (pose_priors).",
                 "Databases of COLMAP before 3.10 have none: give the positions in a table.",
-                file=path,
             )
         columns = f"{key}, position, {covariance}, coordinate_system"
         for entry, row in enumerate(_rows(path, database, "pose_priors", columns), 1):
@@ -162,8 +159,8 @@ def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRe
             sigma.extend(_sigma(path, row[2], entry))
             systems.add(system)
     if len(systems) > 1:
-        raise InputError(
-            "Some priors are geographic, others Cartesian.", "Use the same system for all.", file=path
+        raise Location(path).error(
+            "Some priors are geographic, others Cartesian.", "Use the same system for all."
         )
     states = FileStatement(crs="local" if systems == {_CARTESIAN} else None, datum="WGS 84")
     return exposures_of(
@@ -192,7 +189,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     """The database in memory; its errors as one sentence."""
     content = read_bytes(path)
     if not content.startswith(_MAGIC):
-        raise InputError("This is not a SQLite database.", "Deliver COLMAP's database.db.", file=path)
+        raise Location(path).error("This is not a SQLite database.", "Deliver COLMAP's database.db.")
     with closing(sqlite3.connect(":memory:")) as connection:
         try:
             connection.deserialize(content)
@@ -203,8 +200,8 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
             del content
             yield connection
         except (sqlite3.Error, OverflowError, UnicodeDecodeError, MemoryError) as error:
-            raise InputError(
-                f"The database cannot be read: {error}.", "Deliver it again.", file=path
+            raise Location(path).error(
+                f"The database cannot be read: {error}.", "Deliver it again."
             ) from error
 
 
@@ -213,8 +210,8 @@ def _rows(path: Path, database: sqlite3.Connection, table: str, columns: str) ->
     plain = "type = 'table' AND sql NOT LIKE 'CREATE VIRTUAL%'"
     found = database.execute(f"SELECT 1 FROM sqlite_master WHERE name = ? AND {plain}", (table,)).fetchone()
     if found is None:
-        raise InputError(
-            f"The database has no table '{table}'.", "Check that it is a database of COLMAP.", file=path
+        raise Location(path).error(
+            f"The database has no table '{table}'.", "Check that it is a database of COLMAP."
         )
     yield from database.execute(f"SELECT {columns} FROM {table} ORDER BY 1")
 
@@ -244,6 +241,6 @@ def _array(path: Path, value: object, kind: str, entry: int) -> Any:
 
 
 def _damaged(path: Path, entry: int) -> InputError:
-    return InputError(
-        "A row is not as COLMAP writes it.", "The database may be damaged: deliver it again.", path, entry
+    return Location(path, entry).error(
+        "A row is not as COLMAP writes it.", "The database may be damaged: deliver it again."
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.plain_records import number_of
 from tasks.formats.quaternions import rotations_of_quaternions
 from tasks.formats.rigs import GivenEvent, GivenHead
@@ -80,12 +80,9 @@ def colmap_events(path: Path, images: Mapping[int, str], cameras: Mapping[str, s
             # An image that is not there is refused under its number.
             image = images.get(number, f"{number}")
             if cameras.get(image, sensor) != sensor:
-                raise InputError(
+                raise Location(path, entry.line, name).error(
                     f"The image '{image}' is of camera {cameras[image]}, but of sensor {sensor} here.",
                     "Deliver rigs, frames, images and cameras of one model.",
-                    path,
-                    entry.line,
-                    name,
                 )
             taken.append((image, sensor))
         found.append(GivenEvent(name, rig, tuple(taken)))
@@ -160,9 +157,7 @@ def _entries(path: Path) -> Iterator[_Line | _Bytes]:
 
 
 def _damaged(path: Path, line: int) -> InputError:
-    return InputError(
+    return Location(path, line).error(
         "The file ends in the middle of an entry, or is not a file of rigs or frames of COLMAP.",
         "Deliver it again.",
-        file=path,
-        line=line,
     )

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.foreign_headings import declaration, mapped_names, refuse_other_separator
 from tasks.formats.table_layout import MARKS, TableLayout
 from tasks.formats.text_lines import DeliveredLines
@@ -101,11 +101,8 @@ def _header(text: DeliveredLines, layout: TableLayout) -> tuple[int, list[str], 
     try:
         heading = first.decode(layout.encoding)
     except UnicodeDecodeError as error:
-        raise InputError(
-            "The header is not UTF-8 text.",
-            'Save the file as UTF-8, or declare encoding = "latin-1".',
-            file=text.file,
-            line=line,
+        raise Location(text.file, line).error(
+            "The header is not UTF-8 text.", 'Save the file as UTF-8, or declare encoding = "latin-1".'
         ) from error
     fields = _fields(heading, layout)
     if not layout.header:
@@ -160,14 +157,11 @@ def _refuse_near_misses(
         if like is None and not found and not _SURELY_SIGMA.fullmatch(plain):
             continue
         meant = f"'{like or found[0]}'" if like or found else "a standard deviation"
-        raise InputError(
+        raise Location(path, line, name).error(
             f"The column '{name}' looks like {meant}, but it is not used.",
             f"Rename it, even if it is something else; columns of that kind are {', '.join(optional)}. Or "
             f'declare what it is: columns = {{ {like or (found or ["sx"])[0]} = "{name}" }}, or '
             f'unused = ["{name}"].',
-            file=path,
-            line=line,
-            entity=name,
         )
 
 
@@ -188,13 +182,11 @@ def _check_columns(
         what = f"The header lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}."
         remedy = f"Needed are {', '.join(required)}" + (f"; {', '.join(hints)}." if hints else ".")
         remedy += declaration(missing, names, layout)
-        raise InputError(what, remedy, file=path, line=line)
+        raise InputError(what, remedy, path, line)
     trouble = next((found for found in map(trouble_in, names) if found is not None), None)
     if trouble is not None or len(names) > _MOST_COLUMNS:
         what = trouble or f"The header has {len(names):,} columns, more than {_MOST_COLUMNS}."
-        raise InputError(what, "Deliver a table with the required columns.", file=path, line=line)
+        raise Location(path, line).error(what, "Deliver a table with the required columns.")
     double = next((name for name in names if list(names).count(name) > 1), None)
     if double is not None:
-        raise InputError(
-            f"The header contains the column '{double}' twice.", "Delete one.", file=path, line=line
-        )
+        raise Location(path, line).error(f"The header contains the column '{double}' twice.", "Delete one.")

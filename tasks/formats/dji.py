@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import exposures_of, numbers_of
@@ -106,23 +106,18 @@ def _marks(path: Path) -> _Marks:
             continue
         found = _LINE.match(line.strip())
         if found is None:
-            raise InputError(
+            raise Location(path, number).error(
                 "This is not a line of an MRK file: number, seconds, [week], N, E, V, Lat, Lon, Ellh, three "
                 "standard deviations, Q.",
                 "Deliver the unchanged file of the drone.",
-                file=path,
-                line=number,
             )
         second, week, *numbers = numbers_of(path, found.groups()[1:], 12, number, "a number")
         if not (
             0.0 <= second <= WEEK_S and week < 1e5 and abs(numbers[3]) <= 90.0 and abs(numbers[4]) <= 360.0
         ):
-            raise InputError(
+            raise Location(path, number, found[1]).error(
                 "Time or position of this line are not valid: seconds of the week, degrees.",
                 "Deliver the unchanged file of the drone.",
-                file=path,
-                line=number,
-                entity=found[1],
             )
         image.append(found[1])
         time.append(week * WEEK_S + second)
@@ -130,7 +125,7 @@ def _marks(path: Path) -> _Marks:
         solution.append(_QUALITY.get(int(numbers[9])))
         at.append(number)
     if not image:
-        raise InputError("There is no exposure in the file.", "Deliver it again.", file=path)
+        raise Location(path).error("There is no exposure in the file.", "Deliver it again.")
     return _Marks(image, np.array(time), table_of(values, 9), solution, at)
 
 

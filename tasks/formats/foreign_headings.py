@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.table_layout import MARKS, TableLayout
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import quoted
@@ -64,11 +64,9 @@ def mapped_names(
     names = list(fields)
     for ours, theirs in layout.columns.items():
         if ours not in known:
-            raise InputError(
+            raise Location(path, entity=ours).error(
                 f"columns declares {quoted(ours)}, which is not a column of this kind of file.",
                 f"Columns are {', '.join(known)}.",
-                file=path,
-                entity=ours,
             )
         places = (
             [theirs - 1]
@@ -77,20 +75,15 @@ def mapped_names(
         )
         if len(places) != 1:
             trouble = "is not in the file" if not places else "exists twice"
-            raise InputError(
+            raise Location(path, line).error(
                 f"columns declares {quoted(str(theirs))} for '{ours}', but that column {trouble}.",
                 did_you_mean(str(theirs), fields)
                 if isinstance(theirs, str) and not places
                 else f"The file has {len(fields)} columns; give the number of one, from 1.",
-                file=path,
-                line=line,
             )
         if names[places[0]] != fields[places[0]]:
-            raise InputError(
-                f"columns declares the same column, {quoted(str(theirs))}, twice.",
-                "Keep one of them.",
-                path,
-                line,
+            raise Location(path, line).error(
+                f"columns declares the same column, {quoted(str(theirs))}, twice.", "Keep one of them."
             )
         names[places[0]] = ours
     # What is declared to be another column is not this one, whatever its heading.
@@ -130,11 +123,9 @@ def refuse_other_separator(
         "blank": "blanks",
     }
     lines = f'separator = "{name}"' + (' and decimal = ","' if comma else "")
-    raise InputError(
+    raise Location(path, line).error(
         f"The columns are separated by {shown[name]}, not by a {layout.separator}.",
         f"Write {lines} into this input of the project file.",
-        file=path,
-        line=line,
     )
 
 

@@ -37,7 +37,7 @@ from typing import Any, Literal
 import numpy as np
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import CameraRecord
 from tasks.formats.text_table import read_bytes
 
@@ -131,23 +131,23 @@ def read_head_certificate(path: Path) -> HeadCertificate:
     try:
         content = tomllib.loads(read_bytes(path, "settings").decode("utf-8"))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"This is not TOML: {error}.", "Correct it.", file=path) from error
+        raise Location(path).error(f"This is not TOML: {error}.", "Correct it.") from error
     head, parameters = _table(content, "head", path), _table(content, "parameters", path)
     serial = head.get("serial")
     if not isinstance(serial, str) or not serial:
-        raise InputError("The serial number of the head is missing.", 'Add serial = "…".', file=path)
+        raise Location(path).error("The serial number of the head is missing.", 'Add serial = "…".')
     unit = head.get("unit")
     if unit not in ("m", "mm"):
-        raise InputError(
-            "The unit of the printed lengths is missing.", 'Add unit = "m" or unit = "mm".', file=path
+        raise Location(path).error(
+            "The unit of the printed lengths is missing.", 'Add unit = "m" or unit = "mm".'
         )
     nominal = _number(head, "nominal_focal_length_mm", path) * 1e-3
     size = [_number(head, name, path) for name in ("columns", "rows", "pixel_um")]
     printed = {name: _value(parameters, name, path) for name in _PARAMETERS if name in parameters}
     unknown = next((name for name in parameters if name not in _PARAMETERS), None)
     if unknown is not None:
-        raise InputError(
-            f"The parameter '{unknown}' is not known.", f"Known are {', '.join(_PARAMETERS)}.", file=path
+        raise Location(path).error(
+            f"The parameter '{unknown}' is not known.", f"Known are {', '.join(_PARAMETERS)}."
         )
     half_diagonal = 0.5 * math.hypot(size[0], size[1]) * size[2] * 1e-6
     _refuse_other_unit(printed, unit, nominal, half_diagonal, path)
@@ -174,7 +174,7 @@ def _text(head: Mapping[str, Any], name: str, path: Path) -> str | None:
     """A text that may be missing."""
     found = head.get(name)
     if found is not None and (not isinstance(found, str) or not found):
-        raise InputError(f"{name} is not a text.", f'Write {name} = "…", or leave it out.', file=path)
+        raise Location(path).error(f"{name} is not a text.", f'Write {name} = "…", or leave it out.')
     return found
 
 
@@ -202,17 +202,13 @@ def _refuse_other_unit(
         says += [_said(f"in {other}", dc[1] * metres[other])]
     numbers = "; ".join(says)
     if in_other:
-        raise InputError(
-            f"The numbers do not describe a lens in either unit: {wrong} ({numbers}).",
-            "Check them.",
-            file=path,
+        raise Location(path).error(
+            f"The numbers do not describe a lens in either unit: {wrong} ({numbers}).", "Check them."
         )
-    raise InputError(
+    raise Location(path, entity="unit").error(
         f"The numbers cannot be in {unit}: {wrong} ({numbers}). They are in {other}, regardless of the "
         "heading of the table.",
         f'Write unit = "{other}". A focal length printed as a sum of mm and these numbers is also wrong.',
-        file=path,
-        entity="unit",
     )
 
 
@@ -244,14 +240,14 @@ def _said(words: str, metres: float) -> str:
 def _table(content: Mapping[str, Any], name: str, path: Path) -> Mapping[str, Any]:
     found = content.get(name)
     if not isinstance(found, Mapping):
-        raise InputError(f"The table [{name}] is missing.", "Add it.", file=path)
+        raise Location(path).error(f"The table [{name}] is missing.", "Add it.")
     return found
 
 
 def _number(table: Mapping[str, Any], name: str, path: Path) -> float:
     value = table.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e6:
-        raise InputError(f"{name} of the head is missing or no size.", f"Add {name} = NUMBER.", file=path)
+        raise Location(path).error(f"{name} of the head is missing or no size.", f"Add {name} = NUMBER.")
     return float(value)
 
 
@@ -262,27 +258,20 @@ def _value(parameters: Mapping[str, Any], name: str, path: Path) -> tuple[float,
         return None
     numbers: list[Any] = given if isinstance(given, list) and len(given) == 2 else [None]
     if any(isinstance(item, bool) or not isinstance(item, int | float) for item in numbers):
-        raise InputError(
+        raise Location(path, entity=name).error(
             "A parameter is a value with its standard deviation, or it was eliminated.",
             f'Write {name} = [VALUE, SIGMA] or {name} = "{_ELIMINATED}".',
-            file=path,
-            entity=name,
         )
     value, sigma = (float(item) for item in numbers)
     if not (math.isfinite(value) and math.isfinite(sigma) and sigma > 0.0):
-        raise InputError(
-            f"The value {value:g} with the standard deviation {sigma:g} is invalid.",
-            "Correct them.",
-            file=path,
-            entity=name,
+        raise Location(path, entity=name).error(
+            f"The value {value:g} with the standard deviation {sigma:g} is invalid.", "Correct them."
         )
     if sigma < _FIXED_SIGMA:
         if value != 0.0:
-            raise InputError(
+            raise Location(path, entity=name).error(
                 f"The value {value:g} is stated to ± {sigma:g}, which nothing is known to.",
                 f'Write {name} = "{_ELIMINATED}" if it was held, or its standard deviation.',
-                file=path,
-                entity=name,
             )
         return None
     return value, sigma
@@ -294,15 +283,14 @@ def _correlations(content: Mapping[str, Any], names: tuple[str, ...], path: Path
     for pair, value in content.get("correlations", {}).items():
         both = pair.split()
         if len(both) != 2 or not set(both) <= set(names) or both[0] == both[1]:
-            raise InputError(
+            raise Location(path).error(
                 f"'{pair}' is not a pair of estimated parameters.",
                 f'Write "{names[0]} {names[-1]}" = CORRELATION.',
-                file=path,
             )
         if isinstance(value, bool) or not isinstance(value, int | float) or not -1.0 < value < 1.0:
-            raise InputError(f"The correlation of {pair} is invalid.", "It lies between −1 and 1.", file=path)
+            raise Location(path).error(f"The correlation of {pair} is invalid.", "It lies between −1 and 1.")
         one, other = (names.index(name) for name in both)
         matrix[one, other] = matrix[other, one] = float(value)
     if np.linalg.eigvalsh(matrix)[0] <= 0.0:
-        raise InputError("The correlations contradict each other.", "Correct them.", file=path)
+        raise Location(path).error("The correlations contradict each other.", "Correct them.")
     return matrix

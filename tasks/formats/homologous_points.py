@@ -17,7 +17,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.packed_folder import PackedFolder
 from tasks.formats.plain_records import image_points_of, numbers_of
@@ -49,10 +49,9 @@ def homologous_points(folder: PackedFolder) -> ImagePointRecords:
         places.append(_rows(folder, member))
         counts.append(len(places[-1]))
     if not names:
-        raise InputError(
+        raise Location(folder.file).error(
             "There are no homologous points Pastis…/….txt in the packed folder.",
             "Write them as text in MicMac (ExpTxt=1), and pack the folder Homol.",
-            file=folder.file,
         )
     of_ends = np.concatenate([np.repeat(of, counts) for of in np.array(pairs, dtype=np.int32).T])
     ends = np.concatenate([*(rows[:, :2] for rows in places), *(rows[:, 2:] for rows in places)])
@@ -78,7 +77,7 @@ def _rows(folder: PackedFolder, member: str) -> Floats:
             try:
                 found.extend(numbers_of(folder.file, line.split(), 4, number, "x1 y1 x2 y2"))
             except InputError as error:
-                raise InputError(error.what, error.remedy, folder.file, number, member) from error
+                raise Location(folder.file, number, member).error(error.what, error.remedy) from error
     return table_of(found, 4)
 
 

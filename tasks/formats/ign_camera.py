@@ -17,7 +17,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import CameraRecord
 from tasks.formats.xml_text import parsed_xml
 from tasks.magnitude import LARGEST, MOST_PIXELS, SMALLEST
@@ -67,21 +67,19 @@ def _refuse_other_lens(root: ElementTree.Element, focal_mm: float, path: Path) -
         return
     lens_mm = float(stated.group(1))
     if abs(focal_mm / lens_mm - 1.0) > _LENS_TOLERANCE:
-        raise InputError(
+        raise Location(path).error(
             f"The principal distance of {focal_mm:.6g} mm (<focal> times <pixel_size>) differs from that "
             f"of the lens, {lens_mm:g} mm (<objectif>).",
             "Correct <pixel_size>, which is in metres, or <focal>, which is in pixels.",
-            file=path,
         )
 
 
 def _whole(root: ElementTree.Element, name: str, path: Path) -> int:
     value = _positive(root, name, path)
     if not value.is_integer():
-        raise InputError(
+        raise Location(path).error(
             f"The value {value:g} of <{name}> is not a whole number of pixels.",
             "Deliver the camera file again.",
-            file=path,
         )
     return int(value)
 
@@ -89,10 +87,9 @@ def _whole(root: ElementTree.Element, name: str, path: Path) -> int:
 def _number(root: ElementTree.Element, name: str, path: Path) -> float:
     found = root.findall(name)
     if len(found) > 1:
-        raise InputError(
+        raise Location(path).error(
             f"The camera file has {len(found)} elements <{name}>, but must have only one.",
             "Deliver it with one.",
-            file=path,
         )
     element = found[0] if found else None
     text = (element.text or "").strip() if element is not None else ""
@@ -102,10 +99,9 @@ def _number(root: ElementTree.Element, name: str, path: Path) -> float:
     except ValueError:
         value = math.nan
     if not abs(value) <= LARGEST:
-        raise InputError(
+        raise Location(path).error(
             f"The camera file lacks a number in <{name.replace('/', '><')}>.",
             "Deliver it again, or declare the values of the camera in the project file.",
-            file=path,
         )
     return value
 
@@ -114,7 +110,7 @@ def _positive(root: ElementTree.Element, name: str, path: Path, least: float = 0
     """A number not below a minimum (by default a pixel when rounded) and not above the pixels of an image."""
     value = _number(root, name, path)
     if not least < value <= MOST_PIXELS:
-        raise InputError(
-            f"The value {value:g} of <{name}> cannot be.", "Deliver the camera file again.", file=path
+        raise Location(path).error(
+            f"The value {value:g} of <{name}> cannot be.", "Deliver the camera file again."
         )
     return value

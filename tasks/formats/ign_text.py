@@ -29,7 +29,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
@@ -113,10 +113,9 @@ def read_ign_opk(path: Path, order: AngleOrder) -> ExposureRecords:
         angles this format does not have.
     """
     if order == "heading-pitch-roll":
-        raise InputError(
+        raise Location(path).error(
             "A file in ign-opk format contains ω, φ, κ, but the project file declares heading-pitch-roll.",
             'Declare angles.order = "omega-phi-kappa".',
-            file=path,
         )
     text = _delivered(path)
     pieces = text.pieces()
@@ -183,16 +182,14 @@ def _opk_names(fields: Sequence[str], path: Path, line: int) -> tuple[str, ...]:
     names = tuple(field.upper() for field in fields)
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise InputError(
-            f"The header contains the column {quoted(twice)} twice.", "Use each column name once.", path, line
+        raise Location(path, line).error(
+            f"The header contains the column {quoted(twice)} twice.", "Use each column name once."
         )
     missing = [name for name in _OPK_COLUMNS[1:7] if name not in names]
     if missing:
-        raise InputError(
+        raise Location(path, line).error(
             f"The header lacks the column{'s' if len(missing) > 1 else ''} {', '.join(missing)}.",
             "Required are NOM (or ID), X, Y, Z, O, P, K and, if there are several cameras, CAMERA.",
-            file=path,
-            line=line,
         )
     return names
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
@@ -65,8 +65,8 @@ class _Block:
         """The first numbers of a key."""
         found = self.values.get(key)
         if not found:
-            raise InputError(
-                f"The block ${self.name} lacks ${key}.", "Deliver the project again.", path, self.line
+            raise Location(path, self.line).error(
+                f"The block ${self.name} lacks ${key}.", "Deliver the project again."
             )
         return numbers_of(path, self.words(key), count, found[0][0], what)
 
@@ -75,8 +75,8 @@ class _Block:
         for key in keys:
             if self.words(key):
                 return " ".join(self.words(key))
-        raise InputError(
-            f"The block ${self.name} lacks ${keys[0]}.", "Deliver the project again.", path, self.line
+        raise Location(path, self.line).error(
+            f"The block ${self.name} lacks ${keys[0]}.", "Deliver the project again."
         )
 
 
@@ -122,11 +122,8 @@ def _blocks(path: Path) -> Iterator[_Block]:
                 yield _Block("CONTROL_POINTS", number, {key: rows})
                 stack[0].values = {}
     if stack:
-        raise InputError(
-            f"The block ${stack[0].name} does not end.",
-            "The file may have been cut off: deliver it again.",
-            file=path,
-            line=stack[0].line,
+        raise Location(path, stack[0].line).error(
+            f"The block ${stack[0].name} does not end.", "The file may have been cut off: deliver it again."
         )
 
 
@@ -227,7 +224,7 @@ def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:
         if block.name in _CAMERAS:
             found[block.name_of(path, "ID", "CAMERA_ID")] = _camera(path, _calibrated(block))
     if not found:
-        raise InputError("There is no camera in the file.", "Declare it in the project file.", file=path)
+        raise Location(path).error("There is no camera in the file.", "Declare it in the project file.")
     return found
 
 
@@ -251,12 +248,10 @@ def _camera(path: Path, block: _Block) -> CameraRecord:
     straight = a > 0.0 and abs(b) + abs(d) <= 1e-9 * a and abs(a + e) <= 1e-6 * a
     centred = abs(column - 0.5 * (columns - 1)) <= 1.0 and abs(row - 0.5 * (rows - 1)) <= 1.0
     if not (straight and centred and columns.is_integer() and rows.is_integer()):
-        raise InputError(
+        raise Location(path, block.line).error(
             "The interior orientation of this camera is not x right, y up from the middle of the image with "
             "square pixels.",
             "Declare the camera in the project file, with the rotation of its images.",
-            file=path,
-            line=block.line,
         )
     _refuse_distortion(path, block)
     # The interior orientation may count from elsewhere than the middle: that is a principal point, too.
@@ -270,9 +265,7 @@ def _refuse_distortion(path: Path, block: _Block) -> None:
     for key in ("RADIAL_COEFFS", "DECENTRE_COEFFS"):
         for number, words in block.values.get(key, []):
             if any(numbers_of(path, words, len(words), number, "a coefficient")):
-                raise InputError(
+                raise Location(path, number).error(
                     f"The camera has distortion (${key}), but the file does not state its direction.",
                     "Declare the camera in the project file, with cameras.NAME.additional_parameters.",
-                    file=path,
-                    line=number,
                 )

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import control_of, exposures_of, number_of, numbers_of
@@ -41,8 +41,8 @@ class _Entry:
     def numbers(self, path: Path, key: str, count: int, what: str) -> list[float]:
         """The first numbers of a keyword."""
         if key not in self.values:
-            raise InputError(
-                f"The entry lacks {key}.", "Deliver the file again.", path, self.line, " ".join(self.title)
+            raise Location(path, self.line, " ".join(self.title)).error(
+                f"The entry lacks {key}.", "Deliver the file again."
             )
         number, words = self.values[key]
         return numbers_of(path, words, count, number, what)
@@ -75,11 +75,8 @@ def _entries(path: Path, kind: str) -> Iterator[_Entry]:
                 values = values[1:]
             entry.values[first] = (number, values)
     if entry is not None:
-        raise InputError(
-            f"The entry 'begin {kind}' does not end.",
-            "The file may have been cut off: deliver it again.",
-            file=path,
-            line=entry.line,
+        raise Location(path, entry.line).error(
+            f"The entry 'begin {kind}' does not end.", "The file may have been cut off: deliver it again."
         )
 
 
@@ -96,7 +93,7 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     for entry in _entries(path, "photo_parameters"):
         title = entry.title
         if not title:
-            raise InputError("The photo has no name.", "Give it a name.", file=path, line=entry.line)
+            raise Location(path, entry.line).error("The photo has no name.", "Give it a name.")
         image.append(title[0])
         strip.append(title[2] if len(title) > 2 and title[1].lower() == "strip_id" else None)
         named = entry.values.get("camera_name", (0, []))[1]
@@ -157,10 +154,10 @@ def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:
         (pixel,) = entry.numbers(path, "pixel_size", 1, "the side of a pixel")
         columns, rows = entry.numbers(path, "image_size_in_pixels", 2, "columns and rows")
         if not (columns.is_integer() and rows.is_integer()):
-            raise InputError("The image has no whole number of pixels.", "Correct it.", path, entry.line)
+            raise Location(path, entry.line).error("The image has no whole number of pixels.", "Correct it.")
         found[" ".join(entry.title)] = CameraRecord(int(columns), int(rows), pixel, c, (x0, y0))
     if not found:
-        raise InputError("There is no camera in the file.", "Declare it in the project file.", file=path)
+        raise Location(path).error("There is no camera in the file.", "Declare it in the project file.")
     return found
 
 
@@ -169,10 +166,7 @@ def _refuse_distortion(path: Path, entry: _Entry) -> None:
     number, given = entry.values.get("distortions", (entry.line, []))
     on = bool(flag) and flag[0].lower() not in ("off", "0", "false", "no")
     if on and any(number_of(path, text, number, "a distortion") for text in given):
-        raise InputError(
+        raise Location(path, number, " ".join(entry.title)).error(
             "The camera has a table of radial distortion, which is not read.",
             "Declare the camera in the project file, with cameras.NAME.additional_parameters.",
-            file=path,
-            line=number,
-            entity=" ".join(entry.title),
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.json_text import from_json
 from tasks.formats.plain_records import number_of
 
@@ -92,8 +92,8 @@ class JsonValue:
         return self.value
 
     def _trouble(self, what: str) -> InputError:
-        return InputError(
-            what, "Deliver the file again.", file=self.file, entity=self.where[-_LONGEST_SHOWN:] or None
+        return Location(self.file, entity=self.where[-_LONGEST_SHOWN:] or None).error(
+            what, "Deliver the file again."
         )
 
 
@@ -108,6 +108,6 @@ def json_value(file: Path, content: bytes, where: str = "") -> JsonValue:
     try:
         return JsonValue(file, where, from_json(content))
     except ValueError as error:
-        raise InputError(
-            f"This is not JSON: {error}.", "Deliver it again.", file, entity=where or None
+        raise Location(file, entity=where or None).error(
+            f"This is not JSON: {error}.", "Deliver it again."
         ) from error

@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.metashape_rigs import MetashapeRigs, transform_of
@@ -96,11 +96,9 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     earthly = [one for one in to_earth if one is not None]
     if earthly:
         if len(earthly) < len(to_earth):
-            raise InputError(
+            raise Location(path, entity=image[to_earth.index(None)]).error(
                 "Some cameras are geocentric and some are in a local frame.",
                 "Export one component of the chunk.",
-                file=path,
-                entity=image[to_earth.index(None)],
             )
         turn = np.array([one[0] for one in earthly])
         rotation, states = turn @ rotation, GEOGRAPHIC
@@ -157,7 +155,9 @@ def read_metashape_cameras(path: Path) -> Mapping[str, CameraRecord | PixelCamer
         # It has been taken apart.
         item.clear()
     if not found:
-        raise InputError("There is no camera in the file.", "Export the cameras of an aligned chunk.", path)
+        raise Location(path).error(
+            "There is no camera in the file.", "Export the cameras of an aligned chunk."
+        )
     return found
 
 
@@ -166,12 +166,8 @@ def _sensor(
 ) -> CameraRecord | PixelCamera:
     kind = calibration.get("type") or item.get("type")
     if kind not in (None, "frame"):
-        raise InputError(
-            f"The camera is of the type '{kind}', but only frame cameras are supported.",
-            "Leave it out.",
-            path,
-            None,
-            name,
+        raise Location(path, entity=name).error(
+            f"The camera is of the type '{kind}', but only frame cameras are supported.", "Leave it out."
         )
     size = calibration.find("resolution")
     size = item.find("resolution") if size is None else size
@@ -180,7 +176,9 @@ def _sensor(
     )
     f = number_of(path, calibration.findtext("f") or calibration.findtext("fy") or "", 1, f"f of {name}")
     if f <= 0.0:
-        raise InputError("The focal length is not positive.", "Export the cameras again.", path, None, name)
+        raise Location(path, entity=name).error(
+            "The focal length is not positive.", "Export the cameras again."
+        )
     given = {
         child.tag.lower(): number_of(path, child.text or "", 1, child.tag)
         for child in calibration
@@ -199,7 +197,9 @@ def _sensor(
 def _whole(path: Path, text: str, name: str) -> int:
     value = number_of(path, text, 1, f"the size of the image of {name}")
     if not (value.is_integer() and value > 0):
-        raise InputError("The image has no whole number of pixels.", "Export it again.", path, None, name)
+        raise Location(path, entity=name).error(
+            "The image has no whole number of pixels.", "Export it again."
+        )
     return int(value)
 
 
@@ -247,11 +247,9 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
                 continue
             name, seen_in = markers.get(item.get("marker_id")), cameras.get(location.get("camera_id"))
             if name is None or seen_in is None:
-                raise InputError(
+                raise Location(path, entity=f"camera {location.get('camera_id')}").error(
                     "A measurement refers to a marker or camera that is not in the file.",
                     "Export the markers with the cameras of the chunk.",
-                    file=path,
-                    entity=f"camera {location.get('camera_id')}",
                 )
             point.append(name)
             image.append(seen_in)
@@ -307,10 +305,7 @@ def _refuse_other_angles(
     away = np.abs((angles - stated + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
     if (away > _SAME_DEG).any():
         row = int(np.argmax(away))
-        raise InputError(
+        raise Location(path, at[first + row], image[first + row]).error(
             f"Omega, phi, kappa differ by {away[row]:.3g}° from the rotation next to them.",
             "Export the orientations again, as OPK.",
-            file=path,
-            line=at[first + row],
-            entity=image[first + row],
         )

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.plain_records import numbers_of
 from tasks.formats.rigs import GivenEvent, GivenHead, Rigs, rigs_of
 
@@ -56,8 +56,8 @@ class MetashapeRigs:
         for item in root.iter("sensor"):
             number = item.get("id", "")
             if number in known:
-                raise InputError(
-                    "The sensor is declared twice.", _AGAIN, path, entity=sensors.get(number, number)
+                raise Location(path, entity=sensors.get(number, number)).error(
+                    "The sensor is declared twice.", _AGAIN
                 )
             known.add(number)
             if _master(item) is not None:
@@ -91,11 +91,8 @@ class MetashapeRigs:
             return None
         sensor = item.get("sensor_id", "")
         if sensor not in self.mounting:
-            raise InputError(
-                "The slave camera has no transform, and its sensor no master, rotation and location.",
-                _AGAIN,
-                self.path,
-                entity=item.get("label"),
+            raise Location(self.path, entity=item.get("label")).error(
+                "The slave camera has no transform, and its sensor no master, rotation and location.", _AGAIN
             )
         found = np.eye(4)
         found[:3, :3], found[:3, 3] = self.mounting[sensor]
@@ -167,4 +164,4 @@ def _mounting(path: Path, item: ElementTree.Element, number: int) -> tuple[Float
 
 
 def _no_master(path: Path, slave: str, master: str) -> InputError:
-    return InputError(f"Its master, the {master}, is not in the file.", _AGAIN, path, entity=slave)
+    return Location(path, entity=slave).error(f"Its master, the {master}, is not in the file.", _AGAIN)

@@ -26,7 +26,7 @@ from adjust.camera.additional.base import ImageFormat
 from adjust.camera.additional.conversion import fitted
 from adjust.camera.additional.register import additional_parameters
 from adjust.errors import AdditionalParametersError
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.homologous_points import homologous_points
 from tasks.formats.long_columns import table_of
 from tasks.formats.packed_folder import PackedFolder, is_packed, packed_folder
@@ -110,7 +110,7 @@ def read_micmac_cameras(path: Path) -> Mapping[str, PixelCamera]:
         if element is not None:
             found[name] = _camera(path, element, name)
     if not found:
-        raise InputError(f"There is no <{_CALIBRATION}>.", "Deliver the calibration, AutoCal….xml.", path)
+        raise Location(path).error(f"There is no <{_CALIBRATION}>.", "Deliver the calibration, AutoCal….xml.")
     return found
 
 
@@ -162,14 +162,14 @@ def read_micmac_control(path: Path) -> ControlRecords:
 
 def _camera(path: Path, element: ElementTree.Element, name: str) -> PixelCamera:
     if (element.findtext("KnownConv") or "").strip() not in ("eConvApero_DistM2C", ""):
-        raise InputError(
-            "The calibration is not of the convention eConvApero_DistM2C.", "Leave it out.", path
+        raise Location(path).error(
+            "The calibration is not of the convention eConvApero_DistM2C.", "Leave it out."
         )
     columns, rows = (int(value) for value in _numbers(path, element, "SzIm", 2, name))
     (c,) = _numbers(path, element, "F", 1, name)
     column, row = _numbers(path, element, "PP", 2, name)
     if not (0 < columns < 10**6 and 0 < rows < 10**6 and 0.0 < c < 1e9):
-        raise InputError("A focal length or size is not positive.", "Correct it.", path, entity=name)
+        raise Location(path, entity=name).error("A focal length or size is not positive.", "Correct it.")
     steps = [np.linspace(0.0, size, _POINTS_ACROSS) for size in (columns, rows)]
     measured = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
     ideal = measured
@@ -186,11 +186,9 @@ def _correction(path: Path, distortion: ElementTree.Element, measured: Floats, n
     whole = models.get("ModPhgrStd")
     radial = models.get("ModRad") if whole is None else whole.find("RadialePart")
     if len(models) != 1 or radial is None:
-        raise InputError(
+        raise Location(path, entity=name).error(
             f"The distortion is {', '.join(models) or 'missing'}; ModRad and ModPhgrStd are read.",
             "Convert the calibration in MicMac (ConvertCalib), or declare the camera in the project file.",
-            file=path,
-            entity=name,
         )
     x, y = (measured - _numbers(path, radial, "CDist", 2, name)).T
     square, factor = x * x + y * y, np.zeros(len(x))
@@ -222,11 +220,9 @@ def _as_brown(path: Path, measured: Floats, ideal: Floats, c: float, name: str) 
         except (AdditionalParametersError, np.linalg.LinAlgError):
             pass
     if not missed <= _MOST_MISSED_PX:
-        raise InputError(
+        raise Location(path, entity=name).error(
             "The distortion cannot be expressed by Brown's model within a tenth of a pixel.",
             "Check the calibration, or give corrected images.",
-            file=path,
-            entity=name,
         )
     return dict(zip(wanted.names, found.values.tolist(), strict=True))
 
@@ -238,8 +234,8 @@ def _parsed(folder: PackedFolder, name: str) -> ElementTree.Element:
 def _element(path: Path, root: ElementTree.Element, tag: str, entity: str) -> ElementTree.Element:
     found = next(_all(root, tag), None)
     if found is None:
-        raise InputError(
-            f"There is no <{tag}>.", "Export the orientation with matrices.", path, entity=entity
+        raise Location(path, entity=entity).error(
+            f"There is no <{tag}>.", "Export the orientation with matrices."
         )
     return found
 
@@ -253,4 +249,4 @@ def _numbers(path: Path, parent: ElementTree.Element, tag: str, count: int, enti
     try:
         return numbers_of(path, words, count, 1, f"<{tag}>")
     except InputError as error:
-        raise InputError(error.what, error.remedy, path, entity=entity) from error
+        raise Location(path, entity=entity).error(error.what, error.remedy) from error

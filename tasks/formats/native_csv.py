@@ -29,7 +29,7 @@ import numpy as np
 import pyarrow as pa
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.calendar_time import seconds_of_date
 from tasks.formats.csv_table import read_table
 from tasks.formats.records import (
@@ -188,7 +188,7 @@ def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, Ca
     required = ("camera", *_SIZE, *_LENGTHS, *_PRINCIPAL_POINT)
     table, _ = read_table(path, required, _CERTIFIED, (*required[1:], *_CERTIFIED), layout)
     if len(table) > _MOST_CAMERAS:
-        raise InputError(f"There are {len(table):,} cameras.", "Deliver those of the block.", file=path)
+        raise Location(path).error(f"There are {len(table):,} cameras.", "Deliver those of the block.")
     found: dict[str, CameraRecord] = {}
     sizes = table.numbers(_SIZE)
     lengths, principal_point = table.numbers(_LENGTHS), table.numbers(_PRINCIPAL_POINT, may_be_empty=True)
@@ -199,7 +199,7 @@ def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, Ca
         if name in found:
             trouble = "The camera exists twice."
         if trouble is not None:
-            raise InputError(trouble, "Correct it.", file=path, line=int(table.line[row]), entity=name)
+            raise Location(path, int(table.line[row]), name).error(trouble, "Correct it.")
         x0, y0 = principal_point[row].tolist()
         columns, rows = map(int, size)
         found[name] = CameraRecord(columns, rows, float(pixel_um), float(focal_mm), (x0, y0))

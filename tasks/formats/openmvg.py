@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.json_value import JsonValue, json_value
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.plain_records import CV_AXES, degrees_of_rotations, exposures_of, image_points_of
@@ -63,8 +63,8 @@ def read_openmvg_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         centre.extend(pose["center"].numbers(3))
         rows = pose["rotation"].items()
         if len(rows) != 3:
-            raise InputError(
-                "The rotation does not have three rows.", "Deliver it again.", path, entity=pose.where
+            raise Location(path, entity=pose.where).error(
+                "The rotation does not have three rows.", "Deliver it again."
             )
         for row in rows:
             rotation.extend(row.numbers(3))
@@ -93,23 +93,21 @@ def read_openmvg_cameras(path: Path) -> Mapping[str, PixelCamera]:
             kinds[number] = value["polymorphic_name"].text()
         kind = kinds.get(number, "")
         if kind not in _DISTORTION:
-            raise InputError(
+            raise Location(path, entity=name).error(
                 f"The intrinsic is '{kind}', but only {', '.join(_DISTORTION)} are supported.",
                 "Declare the camera in the project file.",
-                file=path,
-                entity=name,
             )
         data = value[_ENTRY]["data"]
         columns, rows, c = data["width"].whole(), data["height"].whole(), data["focal_length"].number()
         column, row = data["principal_point"].numbers(2)
         if not (0 < columns < 10**6 and 0 < rows < 10**6 and c > 0.0):
-            raise InputError("A focal length or size is not positive.", "Correct it.", path, entity=name)
+            raise Location(path, entity=name).error("A focal length or size is not positive.", "Correct it.")
         key, terms = _DISTORTION[kind]
         values = dict(zip(terms, data[key].numbers(len(terms)), strict=True)) if terms else {}
         known = {f"brown-forward:{term}": number for term, number in values.items() if number}
         found[name] = PixelCamera(columns, rows, c, (column - 0.5 * columns, 0.5 * rows - row), known)
     if not found:
-        raise InputError("There is no intrinsic in the file.", "Export sfm_data with intrinsics.", path)
+        raise Location(path).error("There is no intrinsic in the file.", "Export sfm_data with intrinsics.")
     return found
 
 
@@ -130,11 +128,8 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
             for seen in one["value"]["observations"].each():
                 view = names.get(seen["key"].whole())
                 if view is None:
-                    raise InputError(
-                        "An observation does not belong to a view.",
-                        "Deliver it again.",
-                        path,
-                        entity=seen.where,
+                    raise Location(path, entity=seen.where).error(
+                        "An observation does not belong to a view.", "Deliver it again."
                     )
                 image.append(view)
                 point.append(name)
@@ -146,8 +141,8 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
 def _opened(path: Path) -> JsonValue:
     found = json_value(path, read_bytes(path, "document"))
     if not found.has("sfm_data_version"):
-        raise InputError(
-            "This is not an sfm_data.json file.", "Check that it is the file of OpenMVG.", file=path
+        raise Location(path).error(
+            "This is not an sfm_data.json file.", "Check that it is the file of OpenMVG."
         )
     return found
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import exp
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.json_text import from_json
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
@@ -131,18 +131,16 @@ def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
         camera = _as_table(path, given, name)
         kind = camera.get("projection_type")
         if kind not in ("perspective", "brown"):
-            raise InputError(
+            raise Location(path, entity=name).error(
                 f"The camera is '{kind}', but only perspective and brown cameras are supported.",
                 "Leave it out.",
-                file=path,
-                entity=name,
             )
         columns, rows = (int(_number(path, camera.get(key), f"{name}.{key}")) for key in ("width", "height"))
         longer = max(columns, rows)
         focal = "focal" if kind == "perspective" else "focal_y"
         c = _number(path, camera.get(focal), f"{name}.{focal}")
         if c <= 0.0 or columns <= 0 or rows <= 0:
-            raise InputError("A focal length or size is not positive.", "Correct it.", path, None, name)
+            raise Location(path, entity=name).error("A focal length or size is not positive.", "Correct it.")
         values = {
             key: _number(path, camera[key], f"{name}.{key}")
             for key in ("k1", "k2", "k3", "p1", "p2")
@@ -177,11 +175,8 @@ def read_opensfm_tracks(path: Path) -> ImagePointRecords:
     """
     rows = numbered_lines(path)
     if not _TRACKS.match(next(rows)[1].strip()):
-        raise InputError(
-            "The file does not begin with OPENSFM_TRACKS_VERSION_v1 or v2.",
-            "Check that it is tracks.csv.",
-            file=path,
-            line=1,
+        raise Location(path, 1).error(
+            "The file does not begin with OPENSFM_TRACKS_VERSION_v1 or v2.", "Check that it is tracks.csv."
         )
     image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
     for number, line in rows:
@@ -210,12 +205,8 @@ def read_odm_control(path: Path) -> ControlRecords:
     for name, position, _, _, number in _gcp_list(path, rows):
         known = found.setdefault(name, (position, number))
         if not np.array_equal(known[0], position, equal_nan=True):
-            raise InputError(
-                f"The point has other coordinates in line {known[1]}.",
-                "Correct one of the two.",
-                file=path,
-                line=number,
-                entity=name,
+            raise Location(path, number, name).error(
+                f"The point has other coordinates in line {known[1]}.", "Correct one of the two."
             )
     role = ["check" if name.startswith(_CHECK) else "control" for name in found]
     positions, at = [value[0] for value in found.values()], [value[1] for value in found.values()]
@@ -251,7 +242,7 @@ def _gcp_list(
         column_row = numbers_of(path, fields[3:], 2, number, "x, y, z, column, row, image")
         height = number_of(path, fields[2], number, "z of the point") if z is None else z
         if len(fields) < 6:
-            raise InputError("The line contains no image.", "Add it.", file=path, line=number)
+            raise Location(path, number).error("The line contains no image.", "Add it.")
         # Not a number is not itself, and would make of each row a point of its own.
         key = (x, y, -1e15 if np.isnan(height) else height)
         name = fields[6].strip() if len(fields) > 6 and fields[6].strip() else None
@@ -298,11 +289,9 @@ def _with_crs(path: Path) -> tuple[str, Iterator[tuple[int, str]]]:
     elif first.upper().startswith("EPSG:") or first.startswith("+proj="):
         crs = first
     else:
-        raise InputError(
+        raise Location(path, at).error(
             "The first line does not state a CRS.",
             'It is "EPSG:NUMBER", "WGS84", "WGS84 UTM 32N" or a text for PROJ.',
-            file=path,
-            line=at,
         )
     return crs, rows
 
@@ -311,13 +300,12 @@ def _reconstruction(path: Path) -> Mapping[str, object]:
     try:
         found = from_json(read_bytes(path, "document"))
     except ValueError as error:
-        raise InputError(f"This is not JSON: {error}.", "Deliver the file again.", file=path) from error
+        raise Location(path).error(f"This is not JSON: {error}.", "Deliver the file again.") from error
     if not isinstance(found, list) or len(found) != 1 or not isinstance(found[0], dict):
         count = len(found) if isinstance(found, list) else 0
-        raise InputError(
+        raise Location(path).error(
             f"The file has {count} reconstructions, but only one can be read.",
             "Deliver a file with the required one only.",
-            file=path,
         )
     return cast("Mapping[str, object]", found[0])
 
@@ -328,18 +316,22 @@ def _table(path: Path, of: Mapping[str, object], key: str) -> Mapping[str, objec
 
 def _as_table(path: Path, value: object, name: str) -> Mapping[str, object]:
     if not isinstance(value, dict):
-        raise InputError(f"There are no {name} in the file.", "Check that it is reconstruction.json.", path)
+        raise Location(path).error(
+            f"There are no {name} in the file.", "Check that it is reconstruction.json."
+        )
     return cast("Mapping[str, object]", value)
 
 
 def _vector(path: Path, of: Mapping[str, object], key: str, name: str) -> list[float]:
     value = of.get(key)
     if not isinstance(value, list) or len(value) != 3:
-        raise InputError(f"The shot has no {key} of three numbers.", "Deliver it again.", path, None, name)
+        raise Location(path, entity=name).error(
+            f"The shot has no {key} of three numbers.", "Deliver it again."
+        )
     return [_number(path, one, f"{key} of {name}") for one in value]
 
 
 def _number(path: Path, value: object, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{what} is not a number.", "Deliver the file again.", file=path)
+        raise Location(path).error(f"{what} is not a number.", "Deliver the file again.")
     return number_of(path, repr(value), 1, what)

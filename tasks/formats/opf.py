@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.geometry.rotation import from_omega_phi_kappa
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.json_value import JsonValue
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.opf_captures import captures_of, opf_rigs, projected_captures_of
@@ -120,14 +120,14 @@ def read_opf_cameras(path: Path) -> Mapping[str, PixelCamera]:
         columns, rows = (one.whole() for one in _pair(sensor["image_size_px"]))
         internals = adjusted.get(number, sensor)["internals"]
         if internals["type"].text() != "perspective":
-            raise InputError(
-                "Only perspective cameras are read.", "Leave it out.", path, entity=names[number]
+            raise Location(path, entity=names[number]).error(
+                "Only perspective cameras are read.", "Leave it out."
             )
         c = internals["focal_length_px"].number()
         column, row = internals["principal_point_px"].numbers(2)
         if c <= 0.0 or columns == 0 or rows == 0:
-            raise InputError(
-                "A focal length or size is not positive.", "Correct it.", path, entity=names[number]
+            raise Location(path, entity=names[number]).error(
+                "A focal length or size is not positive.", "Correct it."
             )
         radial, tangential = (
             internals["radial_distortion"].numbers(3),
@@ -138,7 +138,7 @@ def read_opf_cameras(path: Path) -> Mapping[str, PixelCamera]:
         centre = (column - 0.5 * columns, 0.5 * rows - row)
         found[names[number]] = PixelCamera(columns, rows, c, centre, known)
     if not found:
-        raise InputError("There is no sensor in the project.", "Also export the input cameras.", path)
+        raise Location(path).error("There is no sensor in the project.", "Also export the input cameras.")
     return found
 
 
@@ -162,7 +162,7 @@ def read_opf_control(path: Path) -> ControlRecords:
         sigma.append([abs(value) or float("nan") for value in place["sigmas"].numbers(3)])
         role.append("check" if one.has("is_checkpoint") and one["is_checkpoint"].value is True else "control")
     if len(definitions) > 1:
-        raise InputError("Control points are in several CRSs.", "Export them in one.", file=path)
+        raise Location(path).error("Control points are in several CRSs.", "Export them in one.")
     at, crs = list(range(1, len(point) + 1)), None
     values, sigmas = np.array(position).reshape(-1, 3), np.array(sigma).reshape(-1, 3)
     for stated in definitions.values():

@@ -9,7 +9,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.json_value import JsonValue
 from tasks.formats.opf_project import OpfProject, canonical_shift, crs_of, east_north, name_of, named
 from tasks.formats.plain_records import exposures_of
@@ -38,10 +38,9 @@ def captures_of(
         is_opk = turn is not None and turn["type"].text() == "omega_phi_kappa"
         angles.append(turn["angles_deg"].numbers(3) if turn is not None and is_opk else nothing)
     if len(definitions) != 1:
-        raise InputError(
+        raise Location(path).error(
             f"No camera is calibrated, but the captures are in {len(definitions)} CRSs.",
             "Export the calibrated cameras, or captures of single cameras with positions in one CRS.",
-            file=path,
         )
     crs = crs_of(next(iter(definitions.values())))
     states = FileStatement(crs="local" if crs.is_engineering else crs.to_wkt(), order="omega-phi-kappa")
@@ -139,20 +138,15 @@ def opf_rigs(
     for capture, cameras in captures:
         first = capture["reference_camera_id"].whole()
         if first not in cameras:
-            raise InputError(
-                f"Its reference camera {first} is not among its cameras.",
-                "Export the project again.",
-                path,
-                entity=f"capture {capture['id'].whole()}",
+            raise Location(path, entity=f"capture {capture['id'].whole()}").error(
+                f"Its reference camera {first} is not among its cameras.", "Export the project again."
             )
         # A camera alone in its capture is its own reference there, whatever rig it belongs to.
         for sensor in cameras.values() if len(cameras) > 1 else ():
             if reference.setdefault(sensor, cameras[first]) != cameras[first]:
-                raise InputError(
+                raise Location(path, entity=name_of(sensor, sensors, path)).error(
                     "The sensor has different reference sensors in different captures.",
                     "Export the captures of one rig, with one reference camera.",
-                    path,
-                    entity=name_of(sensor, sensors, path),
                 )
     events = [
         GivenEvent(

@@ -20,7 +20,7 @@ import numpy as np
 import pyproj
 
 from adjust.arrays import Floats, Ints
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
 from tasks.formats.packed_folder import PackedFolder, packed_folder
@@ -110,11 +110,8 @@ def _chosen(entries: list[JsonValue], number: JsonValue) -> JsonValue:
 
 
 def _damaged(value: JsonValue) -> InputError:
-    return InputError(
-        "The tie points of the sparse cloud are inconsistent.",
-        "Export the project again.",
-        file=value.file,
-        entity=value.where[-80:],
+    return Location(value.file, entity=value.where[-80:]).error(
+        "The tie points of the sparse cloud are inconsistent.", "Export the project again."
     )
 
 
@@ -128,10 +125,9 @@ class OpfProject:
         self._folder: PackedFolder = packed_folder(path)
         found = [name for name in self._folder.members if name.lower().endswith(".opf")]
         if len(found) != 1:
-            raise InputError(
+            raise Location(path).error(
                 f"The packed folder has {len(found)} files *.opf, but must have one.",
                 "Pack the folder of one project, with its project.opf.",
-                file=path,
             )
         self._name = found[0]
         self._items = json_value(path, self._folder.read(self._name), self._name)["items"].items()
@@ -159,11 +155,8 @@ class OpfProject:
         """The file of a kind that belongs to an item."""
         found = self.optional(item, kind)
         if found is None:
-            raise InputError(
-                f"The project has no {item} ({kind}).",
-                "Export it as well.",
-                self._folder.file,
-                entity=self._name,
+            raise Location(self._folder.file, entity=self._name).error(
+                f"The project has no {item} ({kind}).", "Export it as well."
             )
         return found
 
@@ -189,11 +182,8 @@ def name_of(number: int, names: Mapping[int, str], file: Path, where: str | None
     """As `named`, for a number."""
     found = names.get(number)
     if found is None:
-        raise InputError(
-            f"There is no camera or sensor {number} in the lists of the project.",
-            "Export the project again.",
-            file=file,
-            entity=where,
+        raise Location(file, entity=where).error(
+            f"There is no camera or sensor {number} in the lists of the project.", "Export the project again."
         )
     return found
 
@@ -203,18 +193,13 @@ def canonical_shift(scene: JsonValue) -> Floats:
     frame = scene["base_to_canonical"]
     swapped = frame.has("swap_xy") and frame["swap_xy"].value is True
     if swapped != (_directions(crs_of(scene["crs"])) == ["north", "east"]):
-        raise InputError(
+        raise Location(scene.file, entity=frame.where).error(
             "swap_xy is true where the axes of the CRS are x north, y east, and only there; here it is not.",
             "Export the project again: it does not state which coordinate is east.",
-            scene.file,
-            entity=frame.where,
         )
     if any(abs(value - 1.0) > 1e-12 for value in frame["scale"].numbers(3)):
-        raise InputError(
-            "The unit of the scene is not metres.",
-            "Export it in a metric CRS.",
-            scene.file,
-            entity=frame.where,
+        raise Location(scene.file, entity=frame.where).error(
+            "The unit of the scene is not metres.", "Export it in a metric CRS."
         )
     return np.array(frame["shift"].numbers(3))
 

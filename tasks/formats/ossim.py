@@ -171,4 +171,4 @@ def _refuse_misprint(path: Path, lines: list[int], radius: Floats, value: Floats
 
 
 def _refuse(path: Path, line: int | None, what: str, remedy: str) -> NoReturn:
-    raise InputError(what, remedy, file=path, line=line)
+    raise InputError(what, remedy, path, line)

@@ -8,7 +8,7 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import file_limits
 from tasks.formats.text_table import read_bytes
 
@@ -40,8 +40,8 @@ class PackedFolder:
         """
         info = self.members.get(name)
         if info is None:
-            raise InputError(
-                "The packed folder lacks a file.", "Pack the whole folder.", self.file, entity=name
+            raise Location(self.file, entity=name).error(
+                "The packed folder lacks a file.", "Pack the whole folder."
             )
         trouble = file_limits().trouble(self.file, info.file_size, "document")
         if trouble is not None:
@@ -49,11 +49,8 @@ class PackedFolder:
         try:
             return self.archive.read(info)
         except _DAMAGE as error:
-            raise InputError(
-                "A member of the packed folder cannot be read.",
-                "Pack the folder again.",
-                self.file,
-                entity=name,
+            raise Location(self.file, entity=name).error(
+                "A member of the packed folder cannot be read.", "Pack the folder again."
             ) from error
 
     def beside(self, name: str, uri: str) -> str:
@@ -79,16 +76,16 @@ def packed_folder(path: Path, content: bytes | None = None) -> PackedFolder:
     """
     content = read_bytes(path) if content is None else content
     if not is_packed(content):
-        raise InputError(
-            "This is not a zip file.", "Pack the folder into one zip file, and deliver that.", path
+        raise Location(path).error(
+            "This is not a zip file.", "Pack the folder into one zip file, and deliver that."
         )
     if content.count(_ENTRY) > _MOST_MEMBERS:
-        raise InputError(
-            f"The packed folder has more than {_MOST_MEMBERS:,} files.", "Pack only the required files.", path
+        raise Location(path).error(
+            f"The packed folder has more than {_MOST_MEMBERS:,} files.", "Pack only the required files."
         )
     try:
         archive = zipfile.ZipFile(io.BytesIO(content))
         members = {info.filename: info for info in archive.infolist() if not info.is_dir()}
     except _DAMAGE as error:
-        raise InputError("The zip file is damaged.", "Pack the folder again.", path) from error
+        raise Location(path).error("The zip file is damaged.", "Pack the folder again.") from error
     return PackedFolder(path, archive, members)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import control_of, degrees_of_rotations, exposures_of, numbers_of
@@ -66,11 +66,9 @@ def _by_threes(path: Path) -> Iterator[list[tuple[int, str]]]:
             yield record
             record = []
     if record:
-        raise InputError(
+        raise Location(path, record[-1][0]).error(
             f"There are {count} lines, but every image needs three.",
             "The file may have been cut off: deliver it again.",
-            file=path,
-            line=record[-1][0],
         )
 
 
@@ -81,7 +79,7 @@ def _station(path: Path, line: str, number: int) -> tuple[str, list[float]]:
         name, rest = line[:_WIDTH].strip(), line[2 * _WIDTH :]
         fields = [name, *(rest[k : k + _WIDTH] for k in range(0, 3 * _WIDTH, _WIDTH))]
     if not fields[0]:
-        raise InputError("The photo has no number.", "Deliver the file again.", file=path, line=number)
+        raise Location(path, number).error("The photo has no number.", "Deliver the file again.")
     return fields[0], numbers_of(path, fields[-3:], 3, number, "X, Y, Z of a projection centre")
 
 
@@ -114,23 +112,18 @@ def read_patb_control(path: Path) -> ControlRecords:
         name, own = fields[0], len(values) - _has_group(fields[1:], 2 if lists == 0 else 1)
         row = rows.setdefault(name, len(at))
         if row == _MOST_POINTS:
-            raise InputError(
+            raise Location(path, number).error(
                 f"The lists have more than {_MOST_POINTS:,} points.",
                 "Deliver those of the block. Coordinates of tie points are no control.",
-                file=path,
-                line=number,
             )
         if row == len(at):
             at.append(number)
             position.extend(_UNKNOWN)
         twice = not np.isnan(position[3 * row + (0 if lists == 0 else 2)])
         if own == 0 or own > 3 or twice:
-            raise InputError(
+            raise Location(path, number, name).error(
                 "The point is in this list twice." if twice else f"The point has {own} coordinates.",
                 "The first list must contain points with X and Y, the second those with Z.",
-                file=path,
-                line=number,
-                entity=name,
             )
         if own >= 2:
             position[3 * row : 3 * row + 2] = array("d", values[:2])

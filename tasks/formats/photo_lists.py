@@ -11,7 +11,7 @@ from array import array
 from collections.abc import Iterable
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.plain_lines import pieces_of_lines
 from tasks.formats.plain_records import image_points_of, numbers_of
@@ -76,9 +76,7 @@ def _coordinates(
 
 
 def _no_coordinates(path: Path, point: str, line: int) -> InputError:
-    return InputError(
+    return Location(path, line).error(
         f"The point {quoted(point)} has no two coordinates.",
         "Correct them; if this line is the first of a photo, the list above lacks its end, -99.",
-        file=path,
-        line=line,
     )

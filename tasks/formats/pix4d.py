@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import exposures_of, numbers_of
@@ -40,11 +40,9 @@ def read_pix4d_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     """
     rows = numbered_lines(path)
     if next(rows)[1].lower().split() != _HEAD:
-        raise InputError(
+        raise Location(path, 1).error(
             "The first line is not 'imageName X Y Z Omega Phi Kappa'.",
             "Check that this is …_calibrated_external_camera_parameters.txt.",
-            file=path,
-            line=1,
         )
     image: list[str] = []
     values, at = array("d"), array("q")
@@ -69,11 +67,9 @@ def read_pix4d_cameras(path: Path) -> Mapping[str, PixelCamera]:
     """
     rows = numbered_lines(path)
     if next(rows)[1].strip() != _CAMERA_HEAD:
-        raise InputError(
+        raise Location(path, 1).error(
             f"The first line is not '{_CAMERA_HEAD}'.",
             "Check that this is …_calibrated_camera_parameters.txt.",
-            file=path,
-            line=1,
         )
     # The head explains the lines of an image, and ends with an empty line.
     next((number for number, row in rows if not row.strip()), None)
@@ -83,24 +79,22 @@ def read_pix4d_cameras(path: Path) -> Mapping[str, PixelCamera]:
     for number, words in filled:
         body = list(islice(filled, _LINES_OF_CAMERA))
         if len(words) < 3 or len(body) < _LINES_OF_CAMERA:
-            raise InputError(
-                "An image is not complete.", "The file may have been cut off: deliver it again.", path, number
+            raise Location(path, number).error(
+                "An image is not complete.", "The file may have been cut off: deliver it again."
             )
         camera = _camera(path, number, words, body)
         values = (camera.columns, camera.rows, camera.focal_length_px, camera.principal_point_px)
         different = (*values, *sorted(camera.additional_parameters.items()))
         if different not in seen:
             if len(seen) == _MOST_CAMERAS:
-                raise InputError(
+                raise Location(path, number).error(
                     f"The file has more than {_MOST_CAMERAS:,} different cameras.",
                     "Write the camera into the project file.",
-                    file=path,
-                    line=number,
                 )
             seen.add(different)
             known[" ".join(words[:-2])] = camera
     if not known:
-        raise InputError("There is no camera in the file.", "Deliver the file again.", file=path)
+        raise Location(path).error("There is no camera in the file.", "Deliver the file again.")
     return known
 
 
@@ -113,11 +107,9 @@ def _camera(path: Path, number: int, words: list[str], body: list[tuple[int, lis
     (fx, skew, column), (_, fy, row) = matrix[0], matrix[1]
     whole = columns.is_integer() and rows.is_integer() and 0 < columns < 10**6 and 0 < rows < 10**6
     if not (whole and fx == fy > 0.0 and skew == 0.0):
-        raise InputError(
+        raise Location(path, number).error(
             "The pixels are not whole or not square, or the focal length is not positive.",
             "Declare the camera in the project file.",
-            file=path,
-            line=number,
         )
     values = dict(zip(("k1", "k2", "k3", "p1", "p2"), (*radial, *tangential), strict=True))
     distortion = {f"brown-forward:{key}": value for key, value in values.items() if value}

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import CameraRecord
@@ -68,10 +68,9 @@ def read_pix4d_camera_file(path: Path) -> Mapping[str, CameraRecord]:
     """
     said = dict(_said(path))
     if not said:
-        raise InputError(
+        raise Location(path).error(
             "No line begins with 'camera_calibration_file'.",
             "Check that this is …_calibrated_internal_camera_parameters.cam.",
-            file=path,
         )
     return {name: _record(path, camera) for name, camera in said.items()}
 
@@ -82,15 +81,15 @@ def _said(path: Path) -> Iterator[tuple[str, _Camera]]:
     for number, text in numbered_lines(path):
         line = text if len(text) < _LONGEST else ""
         if line.startswith(_SIBLING):
-            raise InputError(
+            raise Location(path, number).error(
                 "This camera file does not state the size of the image in pixels.",
                 "Deliver the file without '_pix4d' in its name, or …_calibrated_camera_parameters.txt.",
-                file=path,
-                line=number,
             )
         if found := _BEGIN.fullmatch(line):
             if found[1] in names:
-                raise InputError(f"The camera {found[1]} exists twice.", "Keep one of them.", path, number)
+                raise Location(path, number).error(
+                    f"The camera {found[1]} exists twice.", "Keep one of them."
+                )
             names.add(found[1])
             camera, unit = _Camera(number), ""
             yield found[1], camera
@@ -123,38 +122,29 @@ def _record(path: Path, camera: _Camera) -> CameraRecord:
     if not (camera.sensor and camera.image and camera.numbers.keys() == _NUMBERS.keys()) or any(
         len(offset) != 2 for offset in offsets
     ):
-        raise InputError(
+        raise Location(path, camera.line).error(
             "The camera lacks at least one of: size of sensor and image, FOCAL, SYM_DIST, DEC_DIST, "
             "three offsets of the principal point.",
             _CUT,
-            file=path,
-            line=camera.line,
         )
     (focal,), radial, tangential = (camera.numbers[key] for key in _NUMBERS)
     pixels = [side / count if count else 0.0 for side, count in zip(camera.sensor, camera.image, strict=True)]
     if not (min(pixels) > 0.0 and focal > 0.0 and abs(pixels[1] / pixels[0] - 1.0) < _SAME):
-        raise InputError(
+        raise Location(path, camera.line).error(
             "Sensor and image do not have square pixels, or the focal length is not positive.",
             "Declare the camera in the project file.",
-            file=path,
-            line=camera.line,
         )
     inpho, reversed_x, in_pixels = offsets
     in_mm = [pixels[0] * value for value in in_pixels]
     points = [inpho, [-reversed_x[0], reversed_x[1]], [-in_mm[0], in_mm[1]]]
     if any(abs(a - b) > _SAME_MM for one, other in pairwise(points) for a, b in zip(one, other, strict=True)):
-        raise InputError(
+        raise Location(path, camera.line).error(
             "The three offsets of the principal point (mm for Inpho, mm, pixels) are not the same point.",
             "Use …_calibrated_camera_parameters.txt, or declare the camera in the project file.",
-            file=path,
-            line=camera.line,
         )
     if radial[0] or tangential[2]:
-        raise InputError(
-            "K0 or p3 is not zero, but Pix4D's distortion has neither.",
-            "Check where the file comes from.",
-            file=path,
-            line=camera.line,
+        raise Location(path, camera.line).error(
+            "K0 or p3 is not zero, but Pix4D's distortion has neither.", "Check where the file comes from."
         )
     values = {f"k{i}": radial[i] * focal ** (2 * i + 1) for i in (1, 2, 3)}
     values |= {f"p{i}": tangential[i - 1] * focal**2 for i in (1, 2)}

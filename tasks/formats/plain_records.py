@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from adjust.arrays import Bools, Floats
 from adjust.geometry.rotation import to_omega_phi_kappa
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import file_limits
 from tasks.formats.records import (
     ControlRecords,
@@ -201,12 +201,9 @@ def _degrees(path: Path, rotation: Floats, image: Sequence[str], line: Sequence[
     bad = given & ((away > _ROTATION_TOLERANCE) | (np.linalg.det(bounded) < 0.0))
     if bad.any():
         row = int(np.argmax(bad))
-        raise InputError(
+        raise Location(path, int(line[row]), str(image[row])).error(
             "The nine numbers are not a rotation: rows are not perpendicular, not of length 1, or mirrored.",
             "Deliver the file again; a digit may be missing.",
-            file=path,
-            line=int(line[row]),
-            entity=str(image[row]),
         )
     result = np.full((len(rotation), 3), np.nan)
     # The nearest rotation: the digits of a file leave it perpendicular to their rounding only.
@@ -230,9 +227,7 @@ def number_of(path: Path, text: str, line: int, what: str) -> float:
         value = np.nan
     if not abs(value) <= HUGE:
         remedy = "Correct it." if "," not in text else "Write it with a decimal point."
-        raise InputError(
-            f"{quoted(text)} is not a number, but should be {what}.", remedy, file=path, line=line
-        )
+        raise Location(path, line).error(f"{quoted(text)} is not a number, but should be {what}.", remedy)
     return float(value)
 
 
@@ -245,11 +240,9 @@ def numbers_of(path: Path, texts: Sequence[str], count: int, line: int, what: st
         If there are fewer, or one is not a number.
     """
     if len(texts) < count:
-        raise InputError(
+        raise Location(path, line).error(
             f"There are {len(texts)} fields here, but {count} are required: {what}.",
             "The file may have been cut off: deliver it again.",
-            file=path,
-            line=line,
         )
     wanted = texts[:count]
     try:
@@ -278,7 +271,7 @@ def _kept_once(
     found = first_trouble(names.dictionary) if empty < 0 else (empty, _trouble(""))
     if found is not None:
         row = pc.index(names.indices, found[0]).as_py()
-        raise InputError(found[1] or "", _REMEDY, file=path, line=int(line[row]))
+        raise Location(path, int(line[row])).error(found[1] or "", _REMEDY)
     return names
 
 
@@ -294,7 +287,7 @@ def _names(path: Path, names: Sequence[str | None], line: Sequence[int] | NDArra
         known.add(name)
         trouble = _trouble(name)
         if trouble is not None:
-            raise InputError(trouble, _REMEDY, file=path, line=int(line[row]))
+            raise Location(path, int(line[row])).error(trouble, _REMEDY)
     return pa.array(names, pa.string())
 
 
@@ -308,11 +301,7 @@ def _numbers(
     bad: Bools = np.asarray(np.abs(found.reshape(len(found), -1)) > HUGE)
     if bad.any():
         row = int(np.argmax(bad.any(axis=1)))
-        raise InputError(
-            "A number here is too large for any quantity.",
-            "Correct it.",
-            file=path,
-            line=int(line[row]),
-            entity=str(names[row]),
+        raise Location(path, int(line[row]), str(names[row])).error(
+            "A number here is too large for any quantity.", "Correct it."
         )
     return found

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 
 
 def rotations_of_quaternions(
@@ -25,12 +25,9 @@ def rotations_of_quaternions(
     bad = ~(np.abs(length - 1.0) < 1e-3)
     if bad.any():
         row = int(np.argmax(bad))
-        raise InputError(
+        raise Location(path, line[row], name[row]).error(
             f"The quaternion has the length {length[row]:.6g}; that of a rotation must be 1.",
             "Deliver the file again.",
-            file=path,
-            line=line[row],
-            entity=name[row],
         )
     w, x, y, z = (quaternion / length[:, None]).T
     rows = [

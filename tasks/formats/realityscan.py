@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.geometry.rotation import about_x, about_y, about_z
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of, pieces_of
@@ -35,11 +35,9 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
     head = [name.strip().lower() for name in next(rows)[1].lstrip("#").split(",")]
     missing = [name for name in _NEEDED if name not in head]
     if missing:
-        raise InputError(
+        raise Location(path, 1).error(
             f"The first line lacks {', '.join(missing)}.",
             "It must be '#name,x,y,alt,heading,pitch,roll', possibly with more columns.",
-            file=path,
-            line=1,
         )
     places = [head.index(name) for name in _NEEDED]
     image: list[str] = []
@@ -49,11 +47,9 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
             continue
         fields = next(csv.reader([line]))
         if len(fields) < len(head):
-            raise InputError(
+            raise Location(path, number).error(
                 f"This line has {len(fields)} fields, but the first line has {len(head)}.",
                 "The file may have been cut off: deliver it again.",
-                file=path,
-                line=number,
             )
         image.append(fields[places[0]].strip())
         values.extend(

@@ -15,7 +15,7 @@ import pyarrow as pa
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import log
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.records import ExposureRecords, HeadRecord
 
 # Images that are further from where their event and head place them are not of a rigid rig: metres, radians.
@@ -193,22 +193,17 @@ def _check(path: Path, event: GivenEvent, heads: Collection[str], images: Collec
     taken: dict[str, str] = {}
     for image, head in event.images:
         if image not in images:
-            raise InputError(
-                f"The event has the image '{image}', which is missing.", _AGAIN, path, entity=event.name
+            raise Location(path, entity=event.name).error(
+                f"The event has the image '{image}', which is missing.", _AGAIN
             )
         if head not in heads:
-            raise InputError(
-                f"The image '{image}' is of the head '{head}', which its rig does not have.",
-                _AGAIN,
-                path,
-                entity=event.name,
+            raise Location(path, entity=event.name).error(
+                f"The image '{image}' is of the head '{head}', which its rig does not have.", _AGAIN
             )
         if head in taken:
-            raise InputError(
+            raise Location(path, entity=event.name).error(
                 f"The head '{head}' has two images of one event: '{taken[head]}' and '{image}'.",
                 "Correct the events: a head takes one image of each.",
-                path,
-                entity=event.name,
             )
         taken[head] = image
 
@@ -217,7 +212,7 @@ def _refuse_twice(path: Path, names: Sequence[str], what: str) -> None:
     known: set[str] = set()
     for name in names:
         if name in known:
-            raise InputError(what, "Keep one of the two.", path, entity=name)
+            raise Location(path, entity=name).error(what, "Keep one of the two.")
         known.add(name)
 
 

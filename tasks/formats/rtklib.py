@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.calendar_time import seconds_of_date
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
@@ -58,17 +58,15 @@ def read_rtklib(path: Path) -> TrajectoryRecords:
             places = [head.index(name) + 1 for name in _names(head)]
         fields = _split(line)
         if len(fields) < len(head) + 1:
-            raise InputError(
+            raise Location(path, number).error(
                 f"This line has {len(fields)} fields, but the heading has {len(head) + 1}.",
                 "The file may have been cut off: deliver it again.",
-                file=path,
-                line=number,
             )
         time.append(_time(path, fields, number))
         values.extend(numbers_of(path, [fields[k] for k in places], len(places), number, "a solution"))
         at.append(number)
     if not at:
-        raise InputError("There is no solution in the file.", "Deliver it again.", file=path)
+        raise Location(path).error("There is no solution in the file.", "Deliver it again.")
     return _records(path, head, np.array(time), table_of(values, len(places)), at)
 
 
@@ -88,29 +86,23 @@ def _time(path: Path, fields: list[str], line: int) -> float:
 
 
 def _no_heading(path: Path, line: int) -> InputError:
-    return InputError(
+    return Location(path, line).error(
         "There is no line with the headings of the columns above this one.",
         "Write the solution with its header (RTKLIB: out-outhead = on).",
-        file=path,
-        line=line,
     )
 
 
 def _refuse_headings(path: Path, head: list[str], line: int) -> None:
     if head[0] not in ("GPST", "UTC"):
-        raise InputError(
+        raise Location(path, line).error(
             f"The times are headed '{head[0][:20]}'.",
             "Write the solution in GPST or UTC (RTKLIB: out-timesys).",
-            file=path,
-            line=line,
         )
     missing = [name for name in _NEEDED if name not in head]
     if missing:
-        raise InputError(
+        raise Location(path, line).error(
             f"The headings lack {', '.join(missing)}.",
             "Write latitude, longitude, height in degrees (RTKLIB: out-solformat = llh, out-degform = deg).",
-            file=path,
-            line=line,
         )
 
 
@@ -133,11 +125,9 @@ def _records(path: Path, head: list[str], time: Floats, values: Floats, at: arra
         (nowhere, "is not a position on the earth"),
     ):
         if bad.any():
-            raise InputError(
+            raise Location(path, at[int(np.argmax(bad))]).error(
                 f"The solution {what} ({int(bad.sum())} of {len(bad)}).",
                 "Deliver the unchanged file of RTKLIB.",
-                file=path,
-                line=at[int(np.argmax(bad))],
             )
     sigma = columns(_SIGMA)
     return TrajectoryRecords(

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.arrays import Bools, Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import file_limits
 from tasks.formats.records import FileStatement
 from tasks.formats.text_table import read_bytes
@@ -100,11 +100,10 @@ def _records(path: Path, fields: int, name: str) -> Floats:
     content = read_bytes(path)
     size = 8 * fields
     if len(content) % size:
-        raise InputError(
+        raise Location(path).error(
             f"The file has {len(content):,} bytes, but {name} has records of {size}: "
             f"{len(content) % size} remain.",
             "The file may have been cut off, or is of another format: deliver it again.",
-            file=path,
         )
     file_limits().require_rows(path, len(content) // size)
     table = np.frombuffer(content, dtype="<f8").reshape(-1, fields)
@@ -116,10 +115,9 @@ def _records(path: Path, fields: int, name: str) -> Floats:
 
 def _refuse(path: Path, bad: Bools, what: str) -> None:
     if bad.any():
-        raise InputError(
+        raise Location(path).error(
             f"Record {int(np.argmax(bad)) + 1:,} {what} ({int(bad.sum()):,} of {len(bad):,} records).",
             "The file may be of another format or byte order, or damaged: deliver it again.",
-            file=path,
         )
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
 from tasks.formats.packed_folder import is_packed, packed_folder
@@ -57,7 +57,7 @@ def read_stac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         crs.add(_crs(said))
         heights |= {str(said["pers:vertical_crs"].value)} if said.has("pers:vertical_crs") else set()
     if len(crs) > 1:
-        raise InputError("The items are in several CRSs.", "Deliver each of them separately.", file=path)
+        raise Location(path).error("The items are in several CRSs.", "Deliver each of them separately.")
     at = list(range(1, len(image) + 1))
     angles = degrees_of_rotations(path, np.array(rotations).reshape(-1, 3, 3), image, at)
     states = FileStatement(
@@ -87,11 +87,11 @@ def read_stac_cameras(path: Path) -> Mapping[str, CameraRecord]:
         name = said[_CAMERA]["camera_id"].text()
         camera = _camera(said[_CAMERA], name)
         if found.setdefault(name, camera) != camera:
-            raise InputError(
-                "The camera is described in two ways.", "Deliver one of the two.", file=path, entity=name
+            raise Location(path, entity=name).error(
+                "The camera is described in two ways.", "Deliver one of the two."
             )
     if not found:
-        raise InputError(f"Nothing has a {_CAMERA}.", "Deliver the collection, too.", file=path)
+        raise Location(path).error(f"Nothing has a {_CAMERA}.", "Deliver the collection, too.")
     return found
 
 
@@ -113,8 +113,8 @@ def _of_type(path: Path, *kinds: str) -> Iterator[JsonValue]:
         if one["type"].text() in kinds:
             yield one
     if not seen:
-        raise InputError(
-            "This is not a STAC file.", "Deliver an item, or a folder of items as one zip file.", path
+        raise Location(path).error(
+            "This is not a STAC file.", "Deliver an item, or a folder of items as one zip file."
         )
 
 
@@ -154,11 +154,9 @@ def _rotation(said: JsonValue) -> Floats:
     if has_angles:
         away = np.abs(from_omega_phi_kappa(np.radians(degrees)[None])[0] - matrix).max()
         if not away < np.radians(_SAME_DEG):
-            raise InputError(
+            raise Location(said.file, entity=said.where[-80:] or None).error(
                 "pers:rotation_matrix is not the rotation of the stated angles.",
                 "Deliver the items again: the matrix is image from object, row by row, angles are degrees.",
-                file=said.file,
-                entity=said.where[-80:] or None,
             )
     return matrix
 
@@ -169,19 +167,15 @@ def _camera(given: JsonValue, name: str) -> CameraRecord:
     focal = given["focal_length"].number()
     whole = all(value.is_integer() and 0 < value <= MOST_PIXELS for value in (columns, rows))
     if not whole or across <= 0.0 or focal <= 0.0 or across != along:
-        raise InputError(
+        raise Location(given.file, entity=name).error(
             "Size, pixel or focal length are not those of a camera with square pixels.",
             "Declare the camera in the project file.",
-            file=given.file,
-            entity=name,
         )
     for key in ("radial_distortion", "affine_distortion"):
         if given.has(key) and any(one.number() for one in given[key].items()):
-            raise InputError(
+            raise Location(given.file, entity=name).error(
                 f"The camera has {key}, whose sign and unit the file does not say.",
                 "Write the camera, with additional_parameters, into the project file.",
-                file=given.file,
-                entity=name,
             )
     x0, y0 = given["principal_point_offset"].numbers(2)
     return CameraRecord(int(columns), int(rows), 1e3 * across, focal, (x0, y0))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import file_limits, pieces_of_delivered
 
 # Far beyond any row there is; a file of zeros, or of one line without end, is told from a table by it.
@@ -61,8 +61,8 @@ class DeliveredLines:
             is_utf8 = is_utf8 and _is_utf8(piece)
             file_limits().require_rows(file, lines - 1)
         if blank:
-            raise InputError(
-                "The file is empty.", "Deliver it again, or remove it from the project file.", file=file
+            raise Location(file).error(
+                "The file is empty.", "Deliver it again, or remove it from the project file."
             )
         return cls(file, lines, size, is_utf8, lone_return)
 
@@ -136,10 +136,8 @@ def _refuse_long_line(piece: bytes, file: Path, first_line: int) -> None:
         # The last end of a line within reach: only one too long has none.
         end = piece.rfind(b"\n", begin, begin + _LONGEST_LINE + 1)
         if end < 0:
-            raise InputError(
+            raise Location(file, piece.count(b"\n", 0, begin) + first_line).error(
                 f"This line has more than {_LONGEST_LINE:,} characters.",
                 "Deliver a table with a line for each row.",
-                file=file,
-                line=piece.count(b"\n", 0, begin) + first_line,
             )
         begin = end + 1

@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.formats.table_layout import MARKS, Separator
 from tasks.formats.text_lines import line_feeds
 from tasks.plain_text import quoted
@@ -252,11 +252,9 @@ def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int32], layout: Layo
 
 def _too_many(layout: Layout, line: int | None) -> InputError:
     decimal = "comma" if layout.decimal == "," else "point"
-    return InputError(
+    return Location(layout.file, line).error(
         f"This line has more than {len(layout.names)} columns.",
         f"Correct it; numbers need a decimal {decimal}, a {layout.separator} only separates columns.",
-        file=layout.file,
-        line=line,
     )
 
 
@@ -280,12 +278,10 @@ def _refuse_other_counts(content: bytes, layout: Layout, first_line: int) -> Non
         if marks[row] > expected:
             raise _too_many(layout, first_line + row)
         found = int(marks[row]) + 1
-        raise InputError(
+        raise Location(layout.file, first_line + row).error(
             f"This line has {found} column{'s' * (found > 1)}, but the header has {expected}.",
             "The file may have been cut off here: deliver it again. An empty field still needs its "
             f"{layout.separator}.",
-            file=layout.file,
-            line=first_line + row,
         )
 
 
@@ -293,7 +289,7 @@ def _malformed(message: str, layout: Layout, first_line: int) -> InputError:
     quote = re.search(r"EOF inside string starting at row (\d+)", message)
     if quote:
         line = int(quote.group(1)) + first_line
-        return InputError("A quotation mark is not closed.", "Close it or delete it.", layout.file, line)
+        return Location(layout.file, line).error("A quotation mark is not closed.", "Close it or delete it.")
     found = re.search(r"in line (\d+)", message)
     return _too_many(layout, int(found.group(1)) - 1 + first_line if found else None)
 
@@ -304,11 +300,8 @@ def _not_text(content: bytes, file: Path, first_line: int, encoding: str) -> Inp
         line = None
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + first_line
-    return InputError(
-        f"This contains characters that are not {encoding.upper()} text.",
-        "Save the file as UTF-8.",
-        file=file,
-        line=line,
+    return Location(file, line).error(
+        f"This contains characters that are not {encoding.upper()} text.", "Save the file as UTF-8."
     )
 
 
@@ -348,4 +341,4 @@ def _not_a_number(
             "Leave the field empty if the value is not known and may be missing; otherwise delete the line."
         )
     what = f"{quoted(value)} in the column '{name}' is not a number."
-    return InputError(what, remedy, file=file, line=row + first_line)
+    return InputError(what, remedy, file, row + first_line)

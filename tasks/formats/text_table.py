@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import Kind, changed, read_delivered
 from tasks.files.in_turn import in_turn
 from tasks.formats.joined_names import joined_names, room_of_names
@@ -53,12 +53,10 @@ def refuse_short_last_number(before: bytes, content: bytes, layout: Layout, firs
     fewest = min(_decimals(line, layout) for line in others)
     if _decimals(last, layout) <= fewest - 2:
         text = last.rsplit(MARKS[layout.separator].encode(), 1)[-1].decode(layout.encoding, "replace")
-        raise InputError(
+        raise Location(layout.file, first_line + content.count(b"\n")).error(
             f"The file ends with {quoted(text)} and no line end; the lines before have {fewest} decimals or "
             "more.",
             "The file may have been cut off here: deliver it again, or end its last line.",
-            file=layout.file,
-            line=first_line + content.count(b"\n"),
         )
 
 
@@ -199,7 +197,7 @@ class TextTable:
         return values
 
     def _error(self, row: int, what: str, remedy: str) -> InputError:
-        return InputError(what, remedy, file=self.layout.file, line=int(self.line[row]))
+        return InputError(what, remedy, self.layout.file, int(self.line[row]))
 
 
 def first_trouble(names: pa.Array) -> tuple[int, str] | None:
@@ -225,8 +223,8 @@ def read_bytes(path: Path, kind: Kind = "table") -> bytes:
     """
     content = read_delivered(path, kind).removeprefix(b"\xef\xbb\xbf")
     if not content or content.isspace():
-        raise InputError(
-            "The file is empty.", "Deliver it again, or remove it from the project file.", file=path
+        raise Location(path).error(
+            "The file is empty.", "Deliver it again, or remove it from the project file."
         )
     return content
 
@@ -288,8 +286,8 @@ def read_table_text(
         _refuse_larger(size, most_bytes, most_rows, layout.file)
         count = end
     if count == 0:
-        raise InputError(
-            "The file has no rows.", "Deliver it again, or remove it from the project file.", file=layout.file
+        raise Location(layout.file).error(
+            "The file has no rows.", "Deliver it again, or remove it from the project file."
         )
     # Column by column, so that no two are in memory twice.
     columns = {name: joined_names(texts.pop(0)) for name in layout.texts}
@@ -311,11 +309,10 @@ def _taken_apart(layout: Layout, piece: _Numbered) -> tuple[int, Rows]:
 
 def _refuse_larger(size: float, most_bytes: float, rows: int, file: Path) -> None:
     if size > most_bytes:
-        raise InputError(
+        raise Location(file).error(
             f"The file has {rows:,} rows that are so short, or have so many different names, that their "
             "columns would take more than twice its size in memory.",
             "Deliver the right file, or divide it.",
-            file=file,
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import file_limits
 from tasks.formats.text_table import read_bytes
 
@@ -47,12 +47,8 @@ def _parsed(path: Path, text: str, entity: str | None) -> ElementTree.Element:
             parser.feed(text[begin : begin + _PIECE])
         return parser.close()
     except ElementTree.ParseError as error:
-        raise InputError(
-            f"This is not well-formed XML ({error.msg}).",
-            "Deliver the file again.",
-            file=path,
-            line=error.position[0],
-            entity=entity,
+        raise Location(path, error.position[0], entity).error(
+            f"This is not well-formed XML ({error.msg}).", "Deliver the file again."
         ) from error
 
 
@@ -69,10 +65,7 @@ def _plain_text(path: Path, content: bytes, entity: str | None) -> str:
         except UnicodeDecodeError:
             text = content.decode("latin-1")
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(
-            "The file declares document types or entities (<!DOCTYPE>).",
-            "Deliver it without them.",
-            file=path,
-            entity=entity,
+        raise Location(path, entity=entity).error(
+            "The file declares document types or entities (<!DOCTYPE>).", "Deliver it without them."
         )
     return text.strip()

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.registry.identity import CameraBody, differences
 from tasks.settings.direct_georeferencing import CalibrationInput
 from tasks.tables.foreign import read_foreign_table
@@ -36,13 +36,11 @@ def refuse_other_cameras(source: CalibrationInput, cameras: pd.DataFrame) -> Non
     for body in _bodies(cameras):
         found = list(differences(recorded[body.name], body)) if body.name in recorded else []
         if found:
-            raise InputError(
+            raise Location(source.cameras, entity=f"cameras.{body.name}").error(
                 f"The calibration is {', '.join(found)}; the project has {body.label}, {body.product}, "
                 f"{body.image}, mounting {body.mounting}. None of it is applied.",
                 f"Name a calibration of this camera, or correct cameras.{body.name} or its identity where "
                 "one of the two projects has it wrong.",
-                file=source.cameras,
-                entity=f"cameras.{body.name}",
             )
 
 

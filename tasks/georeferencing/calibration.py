@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Bools, Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.quantities import entity_kind, named
 from tasks.settings.coordinates import LOCAL
 from tasks.settings.direct_georeferencing import CalibrationInput
@@ -199,9 +199,6 @@ def _refuse_impossible(parameters: pd.DataFrame, file: Path) -> None:
     for row in parameters.to_dict("records"):
         most = _LARGEST.get(str(row["unit"]))
         if most is not None and abs(row["value"]) > most:
-            raise InputError(
-                f"The value {row['value']:g} {row['unit']} is impossible.",
-                _REMEDY,
-                file=file,
-                entity=named(row["parameter"], row["entity"]),
+            raise Location(file, entity=named(row["parameter"], row["entity"])).error(
+                f"The value {row['value']:g} {row['unit']} is impossible.", _REMEDY
             )

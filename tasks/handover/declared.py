@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.installation import writing_into
 from tasks.handover.delivery import Angles
 from tasks.handover.export import STATEMENT, DeliveryRefusedError, export_results
@@ -75,10 +75,8 @@ def _clear(folder: Path) -> None:
     if not folder.exists():
         return
     if not folder.is_dir() or (any(folder.iterdir()) and not (folder / STATEMENT).is_file()):
-        raise InputError(
-            "The folder contains other files than a delivery.",
-            "Give the delivery another `folder`.",
-            file=folder,
+        raise Location(folder).error(
+            "The folder contains other files than a delivery.", "Give the delivery another `folder`."
         )
     with writing_into(folder.parent):
         remove_whole(folder)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from adjust.handover.refit import Freed
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.installation import writing_into
 from tasks.handover.block_points import BlockPoints, read_points
 from tasks.handover.delivery import Angles, Delivery, DeliveryFormat
@@ -191,7 +191,7 @@ def _rigorous(block: Results) -> str | bytes:
 def _write(folder: Path, files: dict[str, str | bytes]) -> None:
     """Write all files, each completely or not at all; the statement last."""
     if folder.is_file():
-        raise InputError("This is a file, not a folder.", "Give --out another name.", file=folder)
+        raise Location(folder).error("This is a file, not a folder.", "Give --out another name.")
     with writing_into(folder):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / STATEMENT).unlink(missing_ok=True)

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.toml_text import TomlValue, toml_text
 from tasks.formats.colmap_rigs import colmap_rig_files
 from tasks.formats.plain_records import NothingInFileError
@@ -68,10 +68,9 @@ def recognised(given: Path) -> RecognisedBlock | None:
     if given.is_dir():
         found = _folder(given)
         if found is None:
-            raise InputError(
+            raise Location(given).error(
                 "The folder is not a block of COLMAP or OpenSfM.",
                 "Name a project file, or pack a project of OPF into one zip file.",
-                file=given,
             )
         return found
     if not given.is_file():
@@ -179,11 +178,9 @@ def _cameras(
     for name, camera in CAMERA_FORMATS[block.format](block.cameras).items():
         in_pixels = isinstance(camera, PixelCamera)
         if in_pixels and pixel_um is None:
-            raise InputError(
+            raise Location(block.cameras, entity=f"camera {name}").error(
                 "The block is in pixels, but does not contain the pixel size.",
                 "Give the pixel size in micrometres, e.g. --pixel-um 4.",
-                file=block.cameras,
-                entity=f"camera {name}",
             )
         found[name] = {
             "file": str(block.cameras.absolute()),

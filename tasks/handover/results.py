@@ -24,7 +24,7 @@ from tasks.block.self_calibration import additional_parameters_of, image_format_
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
 from tasks.deliveries.cameras import frame_cameras
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.json_text import from_json
 from tasks.georeferencing.calibrated_cameras import calibrated_cameras
 from tasks.georeferencing.calibration import SurveyedControl, calibration_of
@@ -151,7 +151,7 @@ def read_results(folder: Path) -> Results:
     stated, place, refracted, interpolation = _stated(folder)
     orientations = read_result_table(folder, EXTERIOR_ORIENTATIONS)
     if orientations.empty:
-        raise InputError("The results have no adjusted orientation.", _REMEDY, file=folder)
+        raise Location(folder).error("The results have no adjusted orientation.", _REMEDY)
     cameras = _cameras(folder, interpolation)
     names = [str(name) for name in orientations["image"]]
     taken = read_result_table(folder, IMAGES).set_index("image").loc[names]
@@ -213,7 +213,7 @@ def _stated(folder: Path) -> tuple[ProjectSettings, MapFrame, bool, Interpolatio
     """Its project, the CRS of its results, whether refraction was corrected, interpolation of residuals."""
     manifest = read_manifest(folder)
     if manifest is None:
-        raise InputError("There are no results of a run.", _REMEDY, file=folder)
+        raise Location(folder).error("There are no results of a run.", _REMEDY)
     settings = cast("dict[str, dict[str, object]]", dict(manifest.settings))
     try:
         project, adjustment = dict(settings["project"]), settings["adjustment"]
@@ -223,8 +223,8 @@ def _stated(folder: Path) -> tuple[ProjectSettings, MapFrame, bool, Interpolatio
         refracted = adjustment["refraction"] == "standard"
         grid = ResidualGridSettings.model_validate(adjustment["residual_grid"])
     except (KeyError, AttributeError, ValidationError) as error:
-        raise InputError(
-            "The manifest does not contain the settings of the adjustment.", _REMEDY, file=folder
+        raise Location(folder).error(
+            "The manifest does not contain the settings of the adjustment.", _REMEDY
         ) from error
     return stated, MapFrame.of(stated.crs, stated.heights), refracted, grid.interpolation
 

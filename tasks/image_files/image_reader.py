@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adjust.arrays import Bools
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import is_there
 from tasks.files.installation import InstallationError
 
@@ -164,10 +164,9 @@ class ImageReader:
         try:
             return read(window=(rows, columns or (0, self.description.columns)), **which)
         except rasterio.errors.RasterioError as error:
-            raise InputError(
+            raise Location(self.description.path).error(
                 f"The image cannot be read in rows {rows[0]} to {rows[1] - 1} ({_reason(error)}).",
                 "Deliver it again.",
-                file=self.description.path,
             ) from error
 
 
@@ -188,16 +187,14 @@ def opened_image(path: Path, threads: int = 1) -> Iterator[ImageReader]:
         If rasterio is not installed.
     """
     if not (is_there(path) and path.is_file()):
-        raise InputError("There is no such file.", "Check the path.", file=path)
+        raise Location(path).error("There is no such file.", "Check the path.")
     with raster_environment(threads) as rasterio:
         try:
             # Without links and in full, so that no name is taken for one of GDAL's virtual files.
             dataset = rasterio.DatasetReader(str(path.resolve()), driver=list(DRIVERS))
         except rasterio.errors.RasterioError as error:
-            raise InputError(
-                f"This image cannot be read ({_reason(error)}).",
-                "Deliver TIFF, JPEG, PNG or JPEG 2000.",
-                file=path,
+            raise Location(path).error(
+                f"This image cannot be read ({_reason(error)}).", "Deliver TIFF, JPEG, PNG or JPEG 2000."
             ) from error
         with dataset:
             yield ImageReader(_description(path, dataset), dataset)
@@ -216,10 +213,9 @@ def _description(path: Path, dataset: Any) -> ImageDescription:
     palette = rasterio.enums.ColorInterp.palette in dataset.colorinterp
     if len(types) != 1 or not types <= set(_TYPES) or palette:
         what = "colours of a palette" if palette else f"pixels of the type {', '.join(sorted(types))}"
-        raise InputError(
+        raise Location(path).error(
             f"The image has {what}, which cannot be interpolated.",
             "Deliver it with integers of up to 32 bits or with floating point.",
-            file=path,
         )
     (dtype,) = types
     nodata = dataset.nodata if _can_hold(dtype, dataset.nodata) else None

@@ -18,7 +18,7 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from tasks.document_kit.table import Number, decimals_for
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.json_text import JSON
 from tasks.image_quality.drift import LIMIT, drift_remarks, drift_table
 from tasks.store.notes import Notes, write_notes
@@ -170,10 +170,9 @@ def write_drift(folder: Path, tables: Mapping[str, pd.DataFrame], earlier: Path)
         edges = drift_table(tables["edge_means"], means)
     others = quality_drift_table(tables, earlier)
     if edges.empty and others.empty:
-        raise InputError(
+        raise Location(earlier).error(
             "The earlier results and these have nothing in common.",
             "Name the folder of an examination of the same camera, likewise of scenes or of its sensor.",
-            file=earlier,
         )
     for schema, table in ((EDGE_DRIFT, edges), (QUALITY_DRIFT, others)):
         columns = {column.name: table[column.name].to_numpy() for column in schema.columns}

@@ -9,7 +9,7 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from tasks.document_kit.table import Number
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas.image_quality import EDGE_DRIFT, EDGE_MEANS
 
@@ -30,8 +30,8 @@ def drift_table(means: pd.DataFrame, earlier: Path) -> pd.DataFrame:
     then, _ = read_foreign_table(earlier, EDGE_MEANS, _REMEDY)
     both = means.merge(then[[*_KEY, "factor", "sigma_factor"]], on=_KEY, suffixes=("", "_then"))
     if both.empty:
-        raise InputError(
-            "The earlier results have none of the bands.", "Name results of the same camera.", file=earlier
+        raise Location(earlier).error(
+            "The earlier results have none of the bands.", "Name results of the same camera."
         )
     values = both[["factor", "factor_then", "sigma_factor", "sigma_factor_then"]].to_numpy(np.float64)
     change: Floats = values[:, 0] - values[:, 1]

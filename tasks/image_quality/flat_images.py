@@ -14,7 +14,7 @@ import numpy as np
 from adjust.arrays import Floats, Ints
 from adjust.image_quality.defects import MARGIN, deviating
 from adjust.image_quality.photon_transfer import pair_statistics
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.image_files.image_reader import ImageDescription, ImageReader, opened_image
 from tasks.image_quality.grey_values import GreyValues
 
@@ -116,17 +116,15 @@ def _require_alike(readers: Sequence[ImageReader]) -> None:
     for reader in readers:
         about = reader.description
         if (about.columns, about.rows, about.bands) != (first.columns, first.rows, first.bands):
-            raise InputError(
+            raise Location(about.path).error(
                 f"The image has {about.columns} × {about.rows} pixels in {about.bands} bands; "
                 f"{first.path.name} has {first.columns} × {first.rows} in {first.bands}.",
                 "Examine the images of each sensor separately.",
-                file=about.path,
             )
         if min(about.columns, about.rows) < _SMALLEST:
-            raise InputError(
+            raise Location(about.path).error(
                 f"The image has {about.columns} × {about.rows} pixels: too few for a sensor.",
                 f"Give images of at least {_SMALLEST} × {_SMALLEST} pixels.",
-                file=about.path,
             )
 
 

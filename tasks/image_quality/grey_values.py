@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adjust.arrays import Bools
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.image_files.image_reader import ImageDescription, Pixels
 
 #: Part of the pixels at the largest value above which a band is called overexposed.
@@ -83,17 +83,15 @@ class GreyValues:
             Saying which of them.
         """
         if self.overexposed is not None:
-            raise InputError(
+            raise Location(self.about.path).error(
                 f"Band {band} is overexposed: {100.0 * self.overexposed:.0f} % of the pixels have the "
                 f"largest value {self.about.largest:.0f}.",
                 "Expose flat images to about half the range.",
-                file=self.about.path,
             )
         if self.scaled is not None:
-            raise InputError(
+            raise Location(self.about.path).error(
                 f"Band {band} has {self.scaled} different grey values of 16 bits: it was scaled from 8 bits.",
                 "Give the images as the sensor delivers them.",
-                file=self.about.path,
             )
 
     def require_something(self, band: int) -> None:
@@ -109,8 +107,7 @@ class GreyValues:
         why = "are without data or 0"
         if self.clipped:
             why = f"have the largest value {self.about.largest:.0f}, or no data"
-        raise InputError(
+        raise Location(self.about.path).error(
             f"Band {band} has no pixel that can be examined: all {why}.",
             "Give another image, or the bands in image_quality.bands.",
-            file=self.about.path,
         )

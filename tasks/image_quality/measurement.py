@@ -13,7 +13,7 @@ import pandas as pd
 
 from adjust.image_quality.edge_search import GivenEdges
 from adjust.image_quality.edge_statistics import ENOUGH
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.json_text import JSON
 from tasks.image_files.image_reader import ImageDescription, described
 from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table, smear_table
@@ -109,11 +109,10 @@ def _require_alike(images: Sequence[ImageDescription]) -> None:
             first.bands,
             first.dtype,
         ):
-            raise InputError(
+            raise Location(about.path).error(
                 f"The image has {about.columns} × {about.rows} pixels, {about.bands} bands of {about.dtype}; "
                 f"{first.path.name} has {first.columns} × {first.rows}, {first.bands} of {first.dtype}.",
                 "Examine the images of each camera separately.",
-                file=about.path,
             )
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from adjust.image_quality.edge_search import OVERLAP, EdgeSearch, GivenEdges
 from adjust.image_quality.noise import NoiseLevels, TileNoise, noise_levels, noise_of, tile_noise
 from adjust.options import available_threads
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels, opened_image
 from tasks.image_quality.grey_values import GreyValues
 
@@ -90,10 +90,9 @@ def examined_scene(
     with opened_image(path, threads) as reader:
         about = reader.description
         if min(about.rows, about.columns) < OVERLAP:
-            raise InputError(
+            raise Location(path).error(
                 f"The image has {about.columns} × {about.rows} pixels, too few for edges.",
                 f"Give an image of at least {OVERLAP} × {OVERLAP} pixels.",
-                file=path,
             )
         bands = [
             _Band(index, EdgeSearch(about.rows, about.columns), [], GreyValues(about))
@@ -127,11 +126,8 @@ def _indices(about: ImageDescription, chosen: Sequence[int]) -> Sequence[int]:
     for number in chosen:
         if number > about.bands or number - 1 in about.alpha:
             what = f"has {about.bands} bands" if number > about.bands else "has an alpha channel there"
-            raise InputError(
-                f"Band {number} cannot be examined: the image {what}.",
-                "Name bands of the image, from 1.",
-                file=about.path,
-                entity="image_quality.bands",
+            raise Location(about.path, entity="image_quality.bands").error(
+                f"Band {number} cannot be examined: the image {what}.", "Name bands of the image, from 1."
             )
     return [number - 1 for number in sorted(set(chosen))]
 

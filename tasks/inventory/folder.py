@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.installation import writing_into
 from tasks.inventory.project_text import project_text
 from tasks.inventory.recognition import FoundFile, recognised
@@ -42,13 +42,12 @@ def begin_project(folder: Path) -> Inventory:
     """
     root = folder.resolve()
     if not root.is_dir():
-        raise InputError("This is not a folder.", "Give the folder of the delivered files.", file=folder)
+        raise Location(folder).error("This is not a folder.", "Give the folder of the delivered files.")
     target = root / PROJECT_FILE
     if target.exists() or target.is_symlink():
-        raise InputError(
+        raise Location(target).error(
             "There is already a project file, and it is never overwritten.",
             "Rename it, or continue with `aerocal doctor`.",
-            file=target,
         )
     files = tuple(map(recognised, _files(root)))
     _refuse_nothing(files, root)
@@ -68,10 +67,9 @@ def _files(root: Path) -> list[Path]:
         and not any(part.startswith(".") for part in path.relative_to(root).parts)
     ]
     if len(found) > _MOST_FILES:
-        raise InputError(
+        raise Location(root).error(
             f"The folder contains {len(found):,} files, more than {_MOST_FILES:,}.",
             "Give a folder with the files of one block only, and keep the images elsewhere.",
-            file=root,
         )
     return found
 
@@ -82,8 +80,7 @@ def _refuse_nothing(files: Sequence[FoundFile], root: Path) -> None:
         return
     seen = ", ".join(f"{file.path.name}: {file.remark or 'other'}" for file in files[:8])
     shown = f" ({seen})" if seen else ""
-    raise InputError(
+    raise Location(root).error(
         f"None of the {len(files)} files has image points, exposures or a trajectory{shown}.",
         "Put the files of the delivery there; docs/import.md lists the formats that are read.",
-        file=root,
     )

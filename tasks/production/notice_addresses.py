@@ -21,7 +21,7 @@ from uuid import uuid4
 import apprise
 from apprise.plugins.custom_json import NotifyJSON
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.production.notice import Links, Notice
 
 #: Addresses, separated by spaces or line ends.
@@ -123,9 +123,11 @@ def _private_text(file: Path) -> str:
         mode = file.stat().st_mode
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"The file of {FILE_VARIABLE} cannot be read.", "Check its path.", file) from error
+        raise Location(file).error(
+            f"The file of {FILE_VARIABLE} cannot be read.", "Check its path."
+        ) from error
     if mode & 0o077:
-        raise InputError("Other users can read this file of addresses.", f"chmod 600 {file}", file)
+        raise Location(file).error("Other users can read this file of addresses.", f"chmod 600 {file}")
     return text
 
 

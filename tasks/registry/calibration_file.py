@@ -20,7 +20,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from tasks.calibration.record import CalibrationRecord
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.files.json_text import JSON, from_json, json_text
 from tasks.plain_text import trouble_in_tables
@@ -86,7 +86,7 @@ def read_calibrations(place: Path, codes: Sequence[str] = ()) -> tuple[SealedRec
         return (_read(place, codes),)
     files = [file for pattern in _FILES for file in sorted(place.glob(pattern))]
     if not files:
-        raise InputError("There is no calibration in this folder.", _REMEDY, file=place)
+        raise Location(place).error("There is no calibration in this folder.", _REMEDY)
     return tuple(_read(file, codes) for file in files)
 
 
@@ -107,11 +107,9 @@ def _sealed(delivered: bytes, file: Path) -> SealedRecord:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the record"
-        raise InputError(
-            f"This is not a calibration: {place}: {first['msg']}.", _REMEDY, file=file
-        ) from error
+        raise Location(file).error(f"This is not a calibration: {place}: {first['msg']}.", _REMEDY) from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"This is not JSON ({error}).", _REMEDY, file=file) from error
+        raise Location(file).error(f"This is not JSON ({error}).", _REMEDY) from error
     return sealed
 
 
@@ -119,7 +117,7 @@ def _require_readable(content: JSON, file: Path) -> None:
     found = trouble_in_tables(content)
     if found is not None:
         place, trouble = found
-        raise InputError(trouble, _REMEDY, file=file, entity=".".join(map(str, place)) or None)
+        raise Location(file, entity=".".join(map(str, place)) or None).error(trouble, _REMEDY)
 
 
 # As the certificate prints it in the head of every page.
@@ -151,17 +149,15 @@ def require_vouched(file: Path, sha256: str, digest: str, codes: Sequence[str]) 
                 entity="--code",
             )
     if named and not any(digest.startswith(code) for code in named):
-        raise InputError(
+        raise Location(file).error(
             f"The verification code of this calibration is {digest[:_LEAST_DIGITS]}…, not one of those "
             "given: it is a different calibration, or was changed after its certificate was written.",
             "Compare the code with the certificate, or request the file again.",
-            file=file,
         )
     if not _published(file, sha256, digest) and not named:
-        raise InputError(
+        raise Location(file).error(
             "This calibration is not in a results folder, so its origin cannot be verified.",
             "Name the folder with manifest.json, or give the verification code of its certificate: --code.",
-            file=file,
         )
 
 
@@ -174,20 +170,18 @@ def _published(file: Path, sha256: str, digest: str) -> bool:
     if entry is None:
         return False
     if entry.sha256 != sha256:
-        raise InputError(
+        raise Location(file).error(
             f"This is not the file that was published: {MANIFEST} has the digest {entry.sha256[:12]}…, the "
             f"file {sha256[:12]}….",
             _EDITED,
-            file=file,
         )
     certificate = file.with_name(file.name.replace("calibration", "certificate", 1))
     code = _code(certificate) if certificate.exists() else digest
     if code != digest:
-        raise InputError(
+        raise Location(file).error(
             f"The certificate next to it has the verification code {code[:_LEAST_DIGITS]}…, but this has "
             f"{digest[:_LEAST_DIGITS]}….",
             _EDITED,
-            file=file,
         )
     return True
 
@@ -196,5 +190,5 @@ def _code(certificate: Path) -> str:
     try:
         content = from_json(read_delivered(certificate.resolve(), "document"))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"This is not a certificate ({error}).", _EDITED, file=certificate) from error
+        raise Location(certificate).error(f"This is not a certificate ({error}).", _EDITED) from error
     return str(content.get("code")) if isinstance(content, dict) else ""

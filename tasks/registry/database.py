@@ -17,7 +17,7 @@ from sqlalchemy.exc import IntegrityError
 from tasks.database.address import DatabaseAddress
 from tasks.database.engine import WAIT_S, Database, connected_for_reading, engine_at
 from tasks.database.errors import in_words
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import is_there
 from tasks.registry.history import BEGINNING
 from tasks.registry.tables import HEAD, METADATA, RADIOMETRIC, RADIOMETRIC_HEAD, SCHEMA, SCHEMA_VERSION
@@ -95,10 +95,9 @@ class RegistryDatabase(Database):
             METADATA.create_all(connection, tables=[RADIOMETRIC, RADIOMETRIC_HEAD])
             return
         if self.address.is_file and tables.get_table_names():
-            raise InputError(
+            raise Location(self.address.file).error(
                 "This database belongs to another program: it has tables, but not those of a registry.",
                 "Name a new file.",
-                file=self.address.file,
             )
         METADATA.create_all(connection)
         connection.execute(insert(SCHEMA).values(version=SCHEMA_VERSION))

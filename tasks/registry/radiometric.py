@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from tasks.document_kit.table import Number, decimals_for
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.files.json_text import JSON, from_json, json_text
 from tasks.image_quality.radiometric_record import FILE, RadiometricRecord, digest_of
@@ -90,15 +90,14 @@ def read_radiometric(place: Path) -> str | None:
         content = json_text(record)
         RadiometricRecord.model_validate_json(content)
     except (ValueError, KeyError, RecursionError, ValidationError) as error:
-        raise InputError("This is not a radiometric certificate.", _REMEDY, file=file) from error
+        raise Location(file).error("This is not a radiometric certificate.", _REMEDY) from error
     found = trouble_in_tables(record)
     if found is not None:
-        raise InputError(found[1], _REMEDY, file=file)
+        raise Location(file).error(found[1], _REMEDY)
     if not isinstance(twin, dict) or twin.get("code") != digest_of(content):
-        raise InputError(
+        raise Location(file).error(
             "The verification code of the certificate is not that of its record: one of them was changed.",
             _REMEDY,
-            file=file,
         )
     return content
 
@@ -109,10 +108,8 @@ def _require_published(file: Path, sha256: str) -> None:
     if manifest is not None:
         entry = next((item for item in manifest.artifacts.values() if item.file == file.name), None)
     if entry is None or entry.sha256 != sha256:
-        raise InputError(
-            f"This is not the file that was published: it does not agree with {MANIFEST}.",
-            _REMEDY,
-            file=file,
+        raise Location(file).error(
+            f"This is not the file that was published: it does not agree with {MANIFEST}.", _REMEDY
         )
 
 

@@ -24,7 +24,7 @@ from pydantic_core import PydanticCustomError
 
 from adjust.errors import ExtensionError
 from adjust.extensions import Extended
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import digest_for_key, is_there, read_delivered, trouble_of
 from tasks.files.json_text import JSON
 from tasks.nearest_name import did_you_mean
@@ -134,7 +134,7 @@ def existing(path: Path) -> Path:
         If there is none.
     """
     if not is_there(path):
-        raise InputError("This input file does not exist.", "Check the path in the project file.", file=path)
+        raise Location(path).error("This input file does not exist.", "Check the path in the project file.")
     return path
 
 

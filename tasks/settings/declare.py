@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.settings.key_lines import line_of_key
 
 #: How an open value begins.
@@ -45,11 +45,9 @@ def refuse_open_values(content: Mapping[str, object], text: str, path: Path) -> 
     )
     more = f" and {len(found) - _MOST_LISTED} more" if len(found) > _MOST_LISTED else ""
     what = "1 value is" if len(found) == 1 else f"{len(found)} values are"
-    raise InputError(
+    raise Location(path, lines[0][1]).error(
         f"{what} still to be declared; aerocal never guesses them: {named}{more}.",
         f"Replace each text that begins with {DECLARE}; it states what is required.",
-        file=path,
-        line=lines[0][1],
     )
 
 

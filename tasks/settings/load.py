@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.settings.base import PathContext
 from tasks.settings.key_lines import line_of_key
 from tasks.settings.project import Project, ProjectSource
@@ -77,7 +77,7 @@ def load_variants(
     source, context = _opened(path, overrides, data, environment, roots)
     sweep = cast(Project, source.validated(context)).sweep
     if sweep is None:
-        raise InputError("The project has no table [sweep].", "Add one: see docs/sweep.md.", file=path)
+        raise Location(path).error("The project has no table [sweep].", "Add one: see docs/sweep.md.")
     variants = {}
     for name, changes in sweep.changes().items():
         place = ("sweep", "variants" if name in sweep.variants else "parameters", name)
@@ -87,7 +87,7 @@ def load_variants(
         except InputError as error:
             what = error.what if error.entity is None else f"{error.entity}: {error.what}"
             line = line_of_key(source.text, place)
-            raise InputError(what, error.remedy, path, line, ".".join(place)) from error
+            raise Location(path, line, ".".join(place)).error(what, error.remedy) from error
     return variants
 
 

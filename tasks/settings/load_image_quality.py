@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.settings.base import PathContext
 from tasks.settings.image_quality import ImageQualityFile, ImageQualitySettings
 from tasks.settings.load import is_project_file, load_project
@@ -66,10 +66,8 @@ def load_image_quality(
         return _alone(file, overrides, known)
     project = load_project(source, overrides, data, environment=environment, roots=roots)
     if project.image_quality is None:
-        raise InputError(
-            "The project has no table [image_quality].",
-            "Add it: docs/image-quality.md shows how.",
-            file=source,
+        raise Location(source).error(
+            "The project has no table [image_quality].", "Add it: docs/image-quality.md shows how."
         )
     settings = project.image_quality
     camera = project.cameras.get(settings.camera or "")
@@ -83,10 +81,8 @@ def _alone(file: SettingsFile, overrides: Sequence[str], context: PathContext) -
     file.replace(overrides)
     settings = cast(ImageQualityFile, file.validated(context)).image_quality
     if settings.motion is not None:
-        raise InputError(
+        raise Location(file.path, entity="image_quality.motion").error(
             "The movement of images that belong to no project is not known.",
             "Put the table [image_quality] into the project file of their exposures.",
-            file=file.path,
-            entity="image_quality.motion",
         )
     return Examination(settings)

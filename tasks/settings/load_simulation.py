@@ -13,7 +13,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import cast
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import is_there
 from tasks.nearest_name import did_you_mean
 from tasks.settings.base import PathContext
@@ -94,7 +94,7 @@ def _with_preset(path: Path) -> SettingsFile:
     try:
         preset = _of_preset(name)
     except InputError as error:
-        raise InputError(error.what, error.remedy, file=path, entity="preset") from error
+        raise Location(path, entity="preset").error(error.what, error.remedy) from error
     return SettingsFile(SIMULATION_FILE, path, file.text, _merged(preset.content, file.content))
 
 

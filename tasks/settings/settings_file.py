@@ -17,7 +17,7 @@ from typing import Annotated, Any, Union, cast
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import quoted, trouble_in_tables, visible
@@ -128,12 +128,12 @@ def read_settings_file(path: Path, kind: SettingsKind, *, links: bool = True) ->
         nobody can read.
     """
     if not is_there(path):
-        raise InputError(f"There is no such {kind.name}.", "Check the path.", file=path)
+        raise Location(path).error(f"There is no such {kind.name}.", "Check the path.")
     read = read_delivered(path.resolve() if links else path, "settings")
     try:
         text = read.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"The {kind.name} is not UTF-8 text.", "Save it as UTF-8.", file=path) from error
+        raise Location(path).error(f"The {kind.name} is not UTF-8 text.", "Save it as UTF-8.") from error
     content = _parsed(text, path)
     _require_readable(content, text, path)
     return SettingsFile(kind, path, text, content, hashlib.sha256(read).hexdigest())
@@ -144,23 +144,20 @@ def _require_readable(content: Table, text: str, path: Path) -> None:
     if found is not None:
         place, trouble = found
         name = ".".join(map(str, place)) or None
-        raise InputError(trouble, _READABLE, path, line_of_key(text, place), entity=name)
+        raise Location(path, line_of_key(text, place), name).error(trouble, _READABLE)
 
 
 def _parsed(text: str, path: Path) -> Table:
     deep = line_nested_deeper(text, _DEEPEST)
     if deep is not None:
-        raise InputError("The tables are nested too deeply.", "Correct the line.", file=path, line=deep)
+        raise Location(path, deep).error("The tables are nested too deeply.", "Correct the line.")
     try:
         return tomllib.loads(text)
     except ValueError as error:
         found = re.search(r"\(at line (\d+), column \d+\)", str(error))
         what = re.sub(r"\s*\(at .*\)$", "", str(error))
-        raise InputError(
-            f"This is not valid TOML: {what}.",
-            "Correct the line; text values must be in quotes.",
-            file=path,
-            line=int(found.group(1)) if found else None,
+        raise Location(path, int(found.group(1)) if found else None).error(
+            f"This is not valid TOML: {what}.", "Correct the line; text values must be in quotes."
         ) from error
 
 
@@ -316,7 +313,7 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
     else:
         what = f"The value {_shown(error['input'])} is not allowed here: {error['msg']}."
         remedy = _page_of(source)
-    return InputError(what, remedy, file=source.path, line=line, entity=name or None)
+    return InputError(what, remedy, source.path, line, name or None)
 
 
 def _shown(value: object) -> str:

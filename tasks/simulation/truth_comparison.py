@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from scipy import special
 
 from adjust.arrays import Floats
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.quantities import is_calibrated
 from tasks.simulation.simulation_truth import TRUTH
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
@@ -159,10 +159,9 @@ def compare_with_truth(project: Path, results: Path) -> TruthComparison:
     """
     truth = project / TRUTH
     if not truth.is_dir():
-        raise InputError(
+        raise Location(truth).error(
             "There are no true values with the project.",
             "Compare the results of a project that `aerocal simulate` wrote.",
-            file=truth,
         )
     orientations = _joined(truth, results, "exterior_orientations", ["image"])
     points = _joined(truth, results, "object_points", ["point"])

@@ -19,7 +19,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.installation import InstallationError, writing_into
 
 _log = logging.getLogger("aerocal")
@@ -148,8 +148,7 @@ def _require_no_links(folder: Path) -> None:
     for at, folders, files in os.walk(folder):
         for name in (*folders, *files):
             if (Path(at) / name).is_symlink():
-                raise InputError(
+                raise Location(Path(at) / name).error(
                     "There is a link in the folder of finished stages.",
                     "Remove it, or choose another output folder.",
-                    file=Path(at) / name,
                 )

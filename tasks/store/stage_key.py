@@ -17,7 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import changed, digest_of_delivered, is_there
 from tasks.files.json_text import JSON, json_text
 from tasks.store.artifact import Artifact
@@ -141,7 +141,7 @@ class InputFile:
             If there is no such file, or it is refused by `tasks.files.delivered_file`.
         """
         if not is_there(path):
-            raise InputError("This input file does not exist.", "Check its path and run again.", file=path)
+            raise Location(path).error("This input file does not exist.", "Check its path and run again.")
         stamp = _stamp(path)
         return cls(path, digest_of_delivered(path), stamp)
 

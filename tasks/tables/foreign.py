@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import file_limits, opened
 from tasks.files.json_text import from_json
 from tasks.magnitude import HUGE
@@ -46,13 +46,13 @@ def read_foreign_table(
             columns = [column.name for column in schema.columns if column.name in file.schema_arrow.names]
             table = file.read(columns=columns)
         except (OSError, pa.ArrowException, ValueError, RecursionError) as error:
-            raise InputError("This is not a Parquet table.", remedy, file=path) from error
+            raise Location(path).error("This is not a Parquet table.", remedy) from error
     if not isinstance(described, dict) or (described.get("schema"), described.get("version")) != (
         schema.name,
         schema.version,
     ):
-        raise InputError(
-            f"This is not a table '{schema.name}' of version {schema.version}.", remedy, file=path
+        raise Location(path).error(
+            f"This is not a table '{schema.name}' of version {schema.version}.", remedy
         )
     for column in schema.columns:
         needed = complete or not column.nullable or column.name in schema.coordinates
@@ -60,12 +60,12 @@ def read_foreign_table(
             table = table.append_column(column.name, pa.nulls(len(table), ARROW_TYPES[column.type]))
         trouble = _trouble_in_column(table, column)
         if trouble is not None:
-            raise InputError(trouble, remedy, file=path, entity=column.name)
+            raise Location(path, entity=column.name).error(trouble, remedy)
     _require_readable(table, path, remedy)
     frame = table.to_pandas()
     if frame.duplicated(list(schema.key)).any():
         row = int(frame.duplicated(list(schema.key)).to_numpy().argmax())
-        raise InputError(f"Row {row + 1} repeats {', '.join(schema.key)} of another row.", remedy, file=path)
+        raise Location(path).error(f"Row {row + 1} repeats {', '.join(schema.key)} of another row.", remedy)
     return frame, str(described.get("crs", ""))
 
 
@@ -96,4 +96,4 @@ def _require_readable(table: pa.Table, path: Path, remedy: str) -> None:
             for text in table.column(name).unique().to_pylist():
                 trouble = None if text is None else trouble_in(text)
                 if trouble is not None:
-                    raise InputError(trouble, remedy, file=path, entity=name)
+                    raise Location(path, entity=name).error(trouble, remedy)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tasks.errors import InputError
+from tasks.errors import Location
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.files.installation import writing_into
 
@@ -32,18 +32,16 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
         If the disk is full or the folder cannot be written.
     """
     if not is_there(report):
-        raise InputError(
+        raise Location(report).error(
             "There is no report.html in the folder of results.",
             "Give the output folder of a run (by default results/ next to the project file).",
-            file=report,
         )
     page = read_delivered(report.resolve(), "table").decode(errors="replace")
     found = _figures(page)
     if not found:
-        raise InputError(
+        raise Location(report).error(
             "The report contains no named figures.",
             "Run the project again: the report may have been written by an older version.",
-            file=report,
         )
     style = _style_of(page)
     files = {out / f"{name}.svg": standing_alone(drawing, style) for name, drawing in found.items()}

@@ -11,7 +11,7 @@ from typing import cast, get_args
 
 from adjust.options import available_threads
 from adjust.resampling.resampled import Resampling
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.installation import writing_into
 from tasks.handover.formats.corrected_csv import ideal_cameras
 from tasks.handover.results import CalibratedCamera, read_cameras
@@ -126,7 +126,7 @@ def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | Non
             f"The results have no camera '{camera}'.", did_you_mean(camera, list(cameras)), entity="--camera"
         )
     if folder.is_file():
-        raise InputError("This is a file, not a folder.", "Give --out another name.", file=folder)
+        raise Location(folder).error("This is a file, not a folder.", "Give --out another name.")
     jobs: dict[str, _Job] = {}
     for path in images:
         about = described(path)
@@ -134,13 +134,12 @@ def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | Non
         _require_size(about, taken_by)
         file = path.name if path.suffix.lower() in _TIFF else f"{path.stem}.tif"
         if file in jobs:
-            raise InputError(
+            raise Location(path).error(
                 f"The image would be written as {file}, as would {jobs[file].path}.",
                 "Write one of them into another folder (--out).",
-                file=path,
             )
         if (folder / file).exists() and (folder / file).samefile(path):
-            raise InputError("The image would overwrite itself.", "Give another --out.", file=path)
+            raise Location(path).error("The image would overwrite itself.", "Give another --out.")
         jobs[file] = _Job(path, taken_by, file)
     return list(jobs.values())
 
@@ -153,10 +152,9 @@ def _camera_of(path: Path, of_image: Mapping[str, str]) -> str:
     stems = {Path(name).stem: camera for name, camera in of_image.items()}
     if path.stem in stems:
         return stems[path.stem]
-    raise InputError(
+    raise Location(path).error(
         "The block has no adjusted image of this name.",
         f"{did_you_mean(path.stem, list(of_image))} For an image of another block name the camera: --camera.",
-        file=path,
     )
 
 
@@ -165,11 +163,10 @@ def _require_size(about: ImageDescription, camera: CalibratedCamera) -> None:
     if (about.columns, about.rows) == (frame.columns, frame.rows):
         return
     turned = (about.rows, about.columns) == (frame.columns, frame.rows)
-    raise InputError(
+    raise Location(about.path).error(
         f"The image has {about.columns:,} × {about.rows:,} pixels, and the camera {frame.name} "
         f"{frame.columns:,} × {frame.rows:,}.",
         "Deliver it as taken by the camera" + (", not turned." if turned else ", in its full size."),
-        file=about.path,
     )
 
 
