@@ -148,12 +148,10 @@ class Calibrations:
     ----------
     watch : its cameras; None: there is no registry, or it cannot be read.
     trouble : why not, a sentence; None: it was read.
-    configured : whether the server was started with a registry.
     """
 
     watch: RegistryWatch | None
     trouble: str | None
-    configured: bool
 
 
 @dataclass(frozen=True)
@@ -204,9 +202,9 @@ class Sources:
 
     def _read_registry(self) -> Calibrations:
         if self.registry is None:
-            return Calibrations(None, None, False)
+            return Calibrations(None, None)
         try:
             contents = Registry.at(registry_address(self.registry)).contents()
-            return Calibrations(watch_of(contents, date.today(), DueLimits()), None, True)
+            return Calibrations(watch_of(contents, date.today(), DueLimits()), None)
         except AerocalError as error:
-            return Calibrations(None, str(error), True)
+            return Calibrations(None, str(error))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +20,8 @@ from tasks.files.delivered_file import is_there
 from tasks.files.installation import InstallationError, writing_into
 from tasks.object_storage.address import ObjectAddress, output_place
 from tasks.object_storage.connection import local_folder
-from tasks.results.summary import Summary, failed_summary, write_summary
+from tasks.production.run_record import State
+from tasks.results.summary import Status, Summary, failed_summary, write_summary
 from tasks.settings.base import DATA_VARIABLE
 from tasks.settings.cameras import REGISTRY, RIG_REGISTRY
 from tasks.settings.load import load_project, load_variants
@@ -36,6 +37,15 @@ _log = logging.getLogger("aerocal")
 
 #: A story of a project: module in flows.stories, function in it, and Prefect flow all have this name.
 StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "direct_georeferencing_check"]
+
+
+#: Names of the states of a run, by the status in summary.json.
+STATE_NAMES: Mapping[Status, State] = {
+    "done": "Completed",
+    "gate_failed": "GateFailed",
+    "input_error": "InputError",
+    "not_computable": "NotComputable",
+}
 
 
 def story_named(name: StoryName | Literal["image_quality"]) -> Story:
@@ -193,6 +203,21 @@ class RunOutcome:
     def place(self) -> Path | ObjectAddress:
         """Where the results are."""
         return self.directory if self.address is None else self.address
+
+    @property
+    def state(self) -> State:
+        """The state it ends in, as the dashboard and the records of production call it."""
+        return STATE_NAMES[self.summary.status]
+
+    @property
+    def message(self) -> str:
+        """A sentence about the state."""
+        if self.summary.status == "done":
+            return f"Results are in {self.place}."
+        if self.summary.status == "gate_failed":
+            failed = ", ".join(gate.name for gate in self.summary.gates if not gate.passed)
+            return f"Gates not passed: {failed}."
+        return str(self.error)
 
 
 def carry_out(story: Story, request: RunRequest) -> RunOutcome:

@@ -14,7 +14,6 @@ from datetime import UTC, datetime
 from typing import Any
 
 from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
-from flows.runs.run_state import state_message, state_name
 from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
@@ -77,7 +76,7 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
         ended("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")
         raise
     summary = {name: value for name, value in outcome.summary.to_json().items() if name != "timings_s"}
-    ended(state_name(outcome), state_message(outcome), failed_stage=outcome.failed_stage, summary=summary)
+    ended(outcome.state, outcome.message, failed_stage=outcome.failed_stage, summary=summary)
     return outcome
 
 

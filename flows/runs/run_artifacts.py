@@ -8,7 +8,6 @@ from pathlib import Path
 
 from flows.runs.project_run import RunOutcome, RunRequest
 from flows.runs.recorded_run import FlowRunIdentity
-from flows.runs.run_state import state_message, state_name
 from tasks.production.notice import report_address
 from tasks.production.records import project_name
 from tasks.production.run_record import PUBLISHING, State
@@ -18,7 +17,7 @@ from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 
 def text_of_outcome(outcome: RunOutcome, request: RunRequest, identity: FlowRunIdentity) -> ShortText:
     """The text of a run that has ended with an outcome."""
-    project_file, state = request.project_file.absolute(), state_name(outcome)
+    project_file, state = request.project_file.absolute(), outcome.state
     overview = _overview() if state in PUBLISHING else None
     links = [] if overview is None else [("Report", report_address(overview, identity.id, identity.story))]
     place = outcome.place.absolute() if isinstance(outcome.place, Path) else outcome.place
@@ -27,7 +26,7 @@ def text_of_outcome(outcome: RunOutcome, request: RunRequest, identity: FlowRunI
         project_file,
         identity.story,
         state,
-        state_message(outcome),
+        outcome.message,
         outcome.summary.problems if state in PUBLISHING else (),
         str(place),
         [*links, *_page()],

@@ -23,6 +23,7 @@ from pydantic import TypeAdapter
 
 from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress
 from tasks.files.installation import InstallationError, writing_into
+from tasks.store.run_lock import lock_if_free
 
 #: Names another folder for the state.
 STATE_VARIABLE = "AEROCAL_STATE"
@@ -134,15 +135,13 @@ def the_only_server(folder: Path) -> Iterator[None]:
 
 
 def _hold(handle: int, folder: Path) -> None:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
+    if not lock_if_free(handle):
         found = find_server(folder)
         where = f" at {found.server.url} (process {found.server.pid})" if found is not None else ""
         raise InstallationError(
             f"A server of yours is already running{where}.",
             "Use it, or stop it first; a second one needs its own folder (--state).",
-        ) from error
+        )
 
 
 def write_state(folder: Path, server: RunningServer) -> None:

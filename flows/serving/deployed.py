@@ -27,7 +27,6 @@ from flows.runs.examination_request import ExaminationRequest  # noqa: E402
 from flows.runs.project_run import RunRequest, StoryName, story_named  # noqa: E402
 from flows.runs.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
 from flows.runs.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
-from flows.runs.run_state import STATE_NAMES  # noqa: E402
 from flows.server.api import configured_api  # noqa: E402
 from flows.server.inbox import (  # noqa: E402
     StoryOfDeliveries,
@@ -119,7 +118,7 @@ def _confined(
     except InputError as error:
         note_refusal(identity(), project, str(error))
         show(text_of_refusal(project, "InputError", str(error), identity()))
-        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+        return Failed(name="InputError", message=str(error))
     except InstallationError as error:
         show(text_of_refusal(project, "Failed", str(error), identity()))
         return Failed(message=str(error))
@@ -224,7 +223,7 @@ def recalibration_due(
         watch = watch_of(registry.contents(), date.today(), limits)
     except InputError as error:
         tell_recalibration(identity(), "InputError", str(error))
-        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+        return Failed(name="InputError", message=str(error))
     except InstallationError as error:
         tell_recalibration(identity(), "Failed", str(error))
         return Failed(message=str(error))
@@ -248,7 +247,7 @@ def clean_up(keep_days: Days = KEEP_DAYS, act: Act = "remove") -> State[None]:
     try:
         done = clean_up_below(configured_roots().folders, keep_days, act)
     except InputError as error:
-        return Failed(name=STATE_NAMES["input_error"], message=str(error))
+        return Failed(name="InputError", message=str(error))
     for sentence in done.sentences:
         _log.info(sentence)
     return Completed(message=" ".join(done.sentences))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from flows.runs.freed_memory import keep_freed_memory
-from flows.runs.run_state import STATE_NAMES
+from flows.runs.project_run import STATE_NAMES
 from tasks.plain_text import visible
 
 if TYPE_CHECKING:

@@ -22,7 +22,6 @@ from prefect.states import Completed, Failed, raise_state_exception  # noqa: E40
 from flows.runs.project_run import RunOutcome, RunRequest, Story  # noqa: E402
 from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
 from flows.runs.run_artifacts import text_of_outcome  # noqa: E402
-from flows.runs.run_state import state_message, state_name  # noqa: E402
 from tasks.production.short_text import ShortText  # noqa: E402
 
 _HOUR_S = 3600
@@ -32,8 +31,8 @@ _log = logging.getLogger("aerocal")
 def state_of(outcome: RunOutcome) -> State[None]:
     """The Prefect state of a finished run: Completed, or Failed under the name of what went wrong."""
     if outcome.summary.status == "done":
-        return Completed(message=state_message(outcome))
-    return Failed(name=state_name(outcome), message=state_message(outcome))
+        return Completed(message=outcome.message)
+    return Failed(name=outcome.state, message=outcome.message)
 
 
 def identity() -> FlowRunIdentity:

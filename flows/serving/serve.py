@@ -7,7 +7,7 @@ process.
 
 from __future__ import annotations
 
-import fcntl
+import itertools
 import os
 import sys
 import time
@@ -47,6 +47,7 @@ from tasks.production.notice_addresses import ADDRESSES_VARIABLE, FILE_VARIABLE,
 from tasks.production.outbox import Courier, Outbox
 from tasks.production.records import Records
 from tasks.production.variable import OVERVIEW_VARIABLE
+from tasks.store.run_lock import lock_if_free
 
 #: The first start makes the database, on a slow machine.
 _START_S = 240.0
@@ -309,22 +310,12 @@ def _answers(url: str) -> bool:
 def _own_name(state: Path) -> Iterator[str]:
     """The first of the names runner-2, runner-3, … that no other runner of this folder has."""
     with writing_into(state):
-        number, handle = 2, -1
-        while handle < 0:
-            handle = _lock(state / f"runner-{number}.lock")
-            number += 1
+        for number in itertools.count(2):
+            handle = os.open(state / f"runner-{number}.lock", os.O_RDWR | os.O_CREAT, 0o600)
+            if lock_if_free(handle):
+                break
+            os.close(handle)
     try:
-        yield f"runner-{number - 1}"
+        yield f"runner-{number}"
     finally:
         os.close(handle)
-
-
-def _lock(file: Path) -> int:
-    """A handle that holds the lock of a file; -1 if another process does."""
-    handle = os.open(file, os.O_RDWR | os.O_CREAT, 0o600)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        return -1
-    return handle

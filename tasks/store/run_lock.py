@@ -50,14 +50,14 @@ def run_lock(directory: Path, roots: Sequence[Path] = ()) -> Iterator[None]:
     with writing_into(folder):
         folder.mkdir(parents=True, exist_ok=True)
     with _opened(directory, roots) as handle:
-        if not _locked(handle):
+        if not lock_if_free(handle):
             # The number is a hint for the reader only; the lock itself is what counts.
             holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
             _log.warning(
                 "another run (process %s) is writing into %s; waiting for it to finish", holder, directory
             )
             # Not in the system call: a signal that comes just before it would be heard of only after it.
-            while not _locked(handle):
+            while not lock_if_free(handle):
                 time.sleep(_LOOK_S)
         _take(handle, directory)
         yield
@@ -70,7 +70,7 @@ def run_lock_if_free(directory: Path, roots: Sequence[Path] = ()) -> Iterator[bo
     Parameters and errors as of `run_lock`.
     """
     with _opened(directory, roots) as handle:
-        held = _locked(handle)
+        held = lock_if_free(handle)
         if held:
             _take(handle, directory)
         yield held
@@ -91,7 +91,7 @@ def _opened(directory: Path, roots: Sequence[Path]) -> Iterator[int]:
         os.close(handle)
 
 
-def _locked(handle: int) -> bool:
+def lock_if_free(handle: int) -> bool:
     """Lock the file if it is free; returns whether it is locked now."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flows.runs.project_run import RunRequest, carry_out
-from flows.runs.run_state import state_name
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
@@ -107,7 +106,7 @@ def _expected(place: Path, out: Path, fault: str | None) -> Simulated:
     started = time.perf_counter()
     outcome = carry_out(aerial_triangulation, RunRequest(place / "project.toml", out))
     seconds = time.perf_counter() - started
-    found = Simulated(place.name, fault, state_name(outcome), published(out), seconds)
+    found = Simulated(place.name, fault, outcome.state, published(out), seconds)
     shutil.rmtree(out, ignore_errors=True)
     return found
 
