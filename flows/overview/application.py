@@ -1,23 +1,210 @@
-"""The page as an application: layout, answers, actions in the browser, and protection."""
+"""The page as an application: layout, answers to its requests, actions in the browser, and protection."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import waitress
-from dash import ALL, ClientsideFunction, Dash, Input, Output, State, html
+from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, html, no_update
 
+from flows.overview import plots
 from flows.overview.access import add_results, guard, page_policy
-from flows.overview.answers import Answers, places
-from flows.overview.layout import page
+from flows.overview.layout import cards, no_projects, page, revision_data
 from flows.overview.metrics import add_metrics
+from flows.overview.project_grid import GRID, row_data
+from flows.overview.run_tables import detail_part, failures_part, queue_part
 from flows.overview.sources import Sources
 from tasks.errors import AerocalError
-from tasks.production.board import Changes, Revision
+from tasks.production.board import BROKEN, WRONG_INPUT, Changes, Revision, with_figures
+from tasks.production.documents import documents_of
+
+_FAILED = ("GateFailed", *WRONG_INPUT, *BROKEN)
+_FAILURES = 15
+_OLDER_RUNS = 20
+_PLOT: Any = {
+    "displaylogo": False,
+    "responsive": True,
+    "plotlyServerURL": "",
+    "modeBarButtons": [["toImage", "zoom2d", "pan2d", "resetScale2d"]],
+}
+
+
+def places(sources: Sources) -> tuple[str, list[str]]:
+    """Address of Prefect's dashboard, and the folders of projects."""
+    return sources.dashboard, [str(folder) for folder in sources.roots.folders]
+
+
+@dataclass(frozen=True)
+class Answers:
+    """The answers to the page."""
+
+    sources: Sources
+
+    def register(self, app: Dash) -> None:
+        """Register these answers with the application."""
+        app.callback(
+            Output("news", "data"),
+            Output("no-projects", "children"),
+            Output("revision", "data"),
+            Output("cards", "children"),
+            Output("said", "children"),
+            Output("trouble", "children"),
+            Output("refreshed", "data"),
+            Output("queue", "children"),
+            Input("tick", "n_intervals"),
+            State("revision", "data"),
+        )(self.refresh)
+        app.callback(
+            Output("sigma0-trend", "children"),
+            Output("rmse-trend", "children"),
+            Output("failures", "children"),
+            Input("revision", "data"),
+        )(self.follow)
+        app.callback(Output("detail", "children"), Input(GRID, "selectedRows"))(self.detail_of_row)
+        app.callback(
+            Output("picked", "children"), Input({"trend": ALL}, "clickData"), prevent_initial_call=True
+        )(self.detail_of_point)
+        app.callback(
+            Output("camera", "options"),
+            Output("camera", "value"),
+            Output("due", "children"),
+            Input("slow", "n_intervals"),
+            State("camera", "value"),
+        )(self.cameras)
+        app.callback(Output("calibrations", "children"), Input("camera", "value"))(self.series)
+
+    def refresh(self, ticks: int | None, revision: dict[str, Any]) -> tuple[Any, ...]:
+        """What has changed since a revision, the counts, the state of the server, and its queue."""
+        sources, now = self.sources, datetime.now(UTC)
+        try:
+            changes = sources.board.changes(Revision(str(revision["board"]), int(revision["number"])))
+            view, watch = sources.server(), sources.calibrations().watch
+        except AerocalError as error:
+            trouble = html.Div(str(error), className="silent")
+            return (*(no_update,) * 5, trouble, now.isoformat(), no_update)
+        rows = sources.board.rows()
+        due = None if watch is None else len(watch.due)
+        return (
+            _news(changes),
+            no_projects(*places(sources)) if not rows else None,
+            no_update if changes.is_empty and ticks else revision_data(changes),
+            cards(rows, due, now),
+            _state_of_server(view.reachable, now),
+            None,
+            now.isoformat(),
+            queue_part(view, sources.inbox(), now, sources.dashboard),
+        )
+
+    def follow(self, _revision: dict[str, Any]) -> tuple[Any, Any, Any]:
+        """Trends of σ0 and of RMS at check points, and the last failures."""
+        rows = self.sources.board.rows()
+        shown = with_figures(rows)
+        try:
+            failed = self.sources.records.runs(states=_FAILED, most=_FAILURES)
+        except AerocalError as error:
+            return no_update, no_update, html.Div(str(error), className="empty")
+        passed = {
+            (row.run.project_file, row.run.story): row.changed for row in rows if row.run.state == "Completed"
+        }
+        since = {
+            run.id
+            for run in failed
+            if (last := passed.get((run.project_file, run.story))) is not None and last > run.scheduled
+        }
+        sigma0, rmse = plots.sigma0_figure(shown), plots.rmse_figure(shown)
+        return (
+            _plot(sigma0, "No project has been adjusted yet.", {"trend": "sigma0"}),
+            _plot(rmse, "No project with check points has been adjusted yet.", {"trend": "rmse"}),
+            failures_part(failed, since, datetime.now(UTC), self.sources.dashboard),
+        )
+
+    def detail_of_row(self, selected: list[dict[str, Any]] | None) -> Any:
+        """Details of the latest run of the project whose row is selected."""
+        return self._detail(str(selected[0].get("run"))) if selected else None
+
+    def detail_of_point(self, _clicks: list[Any]) -> Any:
+        """Details of the run whose point in a trend was clicked."""
+        point: dict[str, Any] = next(iter((ctx.triggered[0]["value"] or {}).get("points", ())), {})
+        told = point.get("customdata")
+        return self._detail(str(told[2])) if isinstance(told, list) and len(told) > 2 else no_update
+
+    def cameras(self, _ticks: int | None, chosen: str | None) -> tuple[Any, Any, Any]:
+        """The cameras to choose from, the chosen one, and which calibrations are due."""
+        found = self.sources.calibrations()
+        if found.watch is None:
+            return [], None, _no_calibrations(found.trouble)
+        options = plots.cameras_of(found.watch)
+        keys = [option["value"] for option in options]
+        value = chosen if chosen in keys else next(iter(keys), None)
+        kind = "due" if found.watch.due else "fine"
+        said = [html.Div(sentence, className=kind) for sentence in found.watch.sentences]
+        return options, value, said
+
+    def series(self, chosen: str | None) -> Any:
+        """The time series of the calibrations of a camera."""
+        watch = self.sources.calibrations().watch
+        if watch is None or chosen is None:
+            return None
+        shown = [series for series in watch.series if series.camera_key == chosen]
+        return [
+            _plot(plots.series_figure(series, watch.today), "", {"series": str(number)})
+            for number, series in enumerate(shown)
+        ]
+
+    def _detail(self, run_id: str) -> Any:
+        sources = self.sources
+        try:
+            run = sources.records.run(run_id)
+            if run is None:
+                return None
+            older = sources.records.runs_of_project(run.project_file, _OLDER_RUNS) if run.project_file else ()
+            there = documents_of(run, sources.roots.folders) if sources.records.holds_results(run) else ()
+        except AerocalError as error:
+            return html.Div(str(error), className="detail")
+        return detail_part(run, older, there, datetime.now(UTC), sources.dashboard)
+
+
+def _state_of_server(reachable: bool, now: datetime) -> list[Any]:
+    answers = (
+        html.Span("server answers") if reachable else html.Span("server DOES NOT ANSWER", className="down")
+    )
+    return [answers, html.Span(f"refreshed {now.astimezone():%H:%M:%S}")]
+
+
+def _news(changes: Changes) -> Any:
+    """What the grid does not show yet, judged by what the browser says it has."""
+    if changes.is_empty:
+        return no_update
+    rows = [row_data(row) for row in changes.rows]
+    return {"whole": changes.whole, "rows": rows, "removed": list(changes.removed)}
+
+
+def _plot(figure: dict[str, Any] | None, without: str, name: str | dict[str, str]) -> Any:
+    if figure is None:
+        return html.Div(without, className="empty")
+    return dcc.Graph(figure=figure, config=_PLOT, id=name, style={"width": "100%"})
+
+
+def _no_calibrations(trouble: str | None) -> Any:
+    if trouble is not None:
+        return html.Div(trouble, className="due")
+    return html.Div(
+        [
+            "This server has no registry of calibrations. Start it with ",
+            html.Code("aerocal serve --registry ADDRESS"),
+            "; ",
+            html.Code("aerocal registry add"),
+            " creates one from the results of a calibration flight.",
+        ],
+        className="empty",
+    )
+
 
 _INDEX = """<!DOCTYPE html>
 <html lang="en">

@@ -10,8 +10,7 @@ from typing import Any
 from dash import dcc, html
 
 from flows.overview.project_grid import project_grid
-from tasks.production.board import BROKEN, WRONG_INPUT, Changes, oldest_waiting
-from tasks.production.project_row import ProjectRow
+from tasks.production.board import BROKEN, WRONG_INPUT, Changes, ProjectRow, oldest_waiting
 
 #: Milliseconds between two looks, and between two looks at the registry.
 _TICK_MS, _SLOW_MS = 10_000, 60_000

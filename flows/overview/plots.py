@@ -10,7 +10,7 @@ from datetime import date, timedelta
 from html import escape
 from typing import Any
 
-from tasks.production.project_row import ProjectRow
+from tasks.production.board import ProjectRow
 from tasks.quantities import quantity_words, shown
 from tasks.registry.series import SeriesPoint
 from tasks.registry.watch import RegistryWatch, WatchedSeries

@@ -7,7 +7,7 @@ from typing import Any
 
 import dash_ag_grid as dag
 
-from tasks.production.project_row import ProjectRow
+from tasks.production.board import ProjectRow
 from tasks.production.stages import STAGES, StageRow, stages_of
 
 GRID = "projects"

@@ -13,7 +13,7 @@ from flows.overview.layout import in_words
 from flows.overview.project_grid import STORY_LABELS
 from flows.overview.sources import QueuedRun, ServerView
 from flows.server.inbox import Scheduled
-from tasks.production.project_row import in_project, problems_of
+from tasks.production.board import in_project, problems_of
 from tasks.production.run_record import RunRecord
 from tasks.production.short_text import REMEDIES
 from tasks.quantities import unit_words

@@ -20,7 +20,7 @@ from tasks.patience import Patience
 from tasks.production.notice import KINDS, Notice
 from tasks.production.records import configured_records, project_name, write_notice
 from tasks.production.run_record import RunRecord, State
-from tasks.production.stage_states import stages_since
+from tasks.production.stages import stages_since
 from tasks.store.stage_record import utc_now
 
 _log = logging.getLogger("aerocal")

@@ -15,8 +15,7 @@ from flows.runs.project_run import RunRequest
 from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded
 from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.direct_georeferencing_check import direct_georeferencing_check
-from tasks.production.board import Board
-from tasks.production.project_row import ProjectRow
+from tasks.production.board import Board, ProjectRow
 from tasks.production.records import configured_records
 from tasks.production.stages import STAGES, stages_of
 from tests.flows.conftest import write_block

@@ -6,8 +6,7 @@ from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
-from tasks.production.board import Board
-from tasks.production.project_row import ProjectRow
+from tasks.production.board import Board, ProjectRow
 from tasks.production.records import Records
 from tests.tasks.production.runs import ended, run, stages, summary
 
