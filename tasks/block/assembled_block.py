@@ -1,15 +1,25 @@
-"""From the delivered tables to a block with its observations, ready to be adjusted."""
+"""From the delivered tables to a block with its observations, ready to be adjusted.
+
+Parts of the observations may get standard deviations of their own, by file, camera and flight; and other
+installed packages may add observations of their types.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeAlias, cast
 
 import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
+from adjust.observations.base import ObservationGroup
+from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
+from adjust.observations.ins_attitude import InsAttitudes
 from adjust.quality.observation_parts import Division
 from adjust.solve.system import Observations
 from tasks.block.approximation import USED
@@ -24,15 +34,15 @@ from tasks.block.known_calibrations import (
 )
 from tasks.block.observation_types import Observed
 from tasks.block.oriented_images import oriented_images
-from tasks.block.own_observations import ObservedBlock, own_observations
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import Fields, with_given_corrections
 from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
 from tasks.block.strip_motion import require_motion
-from tasks.block.variance_divisions import divisions_of
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
+from tasks.errors import InputError, Location
 from tasks.settings.adjustment import AdjustmentSettings
+from tasks.settings.own_observations import OBSERVATION_TYPES, OwnObservationsInput
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,3 +153,120 @@ def _image_points(
         None if block.rig is None else block.rig.event_of_image,
     )
     return (without_refraction(rays, block) if settings.refraction == "standard" else rays), rows
+
+
+def divisions_of(
+    observations: Observations,
+    given: GivenOrientations,
+    input_file: pd.Series,
+    rows: Ints,
+    settings: AdjustmentSettings,
+) -> tuple[Division, ...]:
+    """The divisions that the settings ask for, of groups that have more than one part.
+
+    Parameters
+    ----------
+    input_file : names of the files of all image points that were delivered.
+    rows : (n,) which of these the image points of the observations are.
+    """
+    if not settings.variance_components:
+        return ()
+    by = settings.variance_components_by
+    rays = observations.image_points
+    names = np.array(given.mountings.names, dtype=object)[rays.camera_of_image[rays.image]]
+    labels = [
+        *((input_file.to_numpy(dtype=object)[rows],) if "file" in by else ()),
+        *((np.array([f"camera {name}" for name in names], dtype=object),) if "camera" in by else ()),
+    ]
+    return tuple(
+        division
+        for division in (
+            *(_division(rays.name, together) for together in _joined(labels)),
+            *(
+                _division(group.name, np.array(given.flight, dtype=object)[group.event], "flight ")
+                for group in observations.others
+                if "flight" in by and isinstance(group, GnssPositions | InsAttitudes)
+            ),
+        )
+        if len(division.names) > 1
+    )
+
+
+def _joined(labels: list[np.ndarray]) -> Iterator[np.ndarray]:
+    """The labels (n,) of several kinds combined; None without any."""
+    if labels:
+        first, *others = labels
+        for other in others:
+            first = first + ", " + other
+        yield first
+
+
+def _division(group: str, label: np.ndarray, before: str = "") -> Division:
+    index, names = pd.factorize(label, sort=True)
+    return Division(group, tuple(f"{before}{name}" for name in names), index.astype(np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedBlock:
+    """What a type of observations is told about the block.
+
+    Attributes
+    ----------
+    block : with names, cameras and approximate values in the local frame.
+    local_from_map : from easting, northing and height (n, 3) of the project's CRS to the local frame, metres.
+    """
+
+    block: Block
+    local_from_map: Callable[[Floats], Floats]
+
+
+#: What an entry point of `aerocal.observations` is: it reads a file and returns the group of its rows, in SI
+#: units and radians. It raises :class:`~tasks.errors.InputError` where the file is wrong.
+ObservationType: TypeAlias = Callable[
+    [Path, ObservedBlock, Mapping[str, bool | int | float | str]], ObservationGroup
+]
+
+
+def own_observations(
+    observed: ObservedBlock, inputs: Sequence[OwnObservationsInput], taken: Sequence[str]
+) -> tuple[ObservationGroup, ...]:
+    """The groups that a project declares of types that other packages add.
+
+    Parameters
+    ----------
+    taken : names of the groups that there are already.
+
+    Raises
+    ------
+    InputError
+        If a file is wrong, a type returns no observations, or two groups have one name.
+    """
+    names = list(taken)
+    groups = []
+    for given in inputs:
+        make = cast(ObservationType, OBSERVATION_TYPES[given.type])
+        try:
+            group = make(given.file, observed, given.options)
+        except InputError:
+            raise
+        except Exception as error:
+            error.add_note(f"This happened in the extension {given.type!r} (observations), not in aerocal.")
+            raise
+        _require_group(given, group, names)
+        names.append(group.name)
+        groups.append(group)
+    return tuple(groups)
+
+
+def _require_group(given: OwnObservationsInput, group: object, names: Sequence[str]) -> None:
+    if not isinstance(group, ObservationGroup):
+        raise Location(given.file).error(
+            f"The observation type {given.type!r} returned a {type(group).__name__}, not observations.",
+            "Report this to the author of the package.",
+        )
+    if group.name in names:
+        raise Location(given.file).error(
+            f"The observation type {given.type!r} returned a group named {group.name!r}, which already "
+            "exists.",
+            "Put the observations of one type into one file.",
+        )

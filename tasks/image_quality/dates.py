@@ -1,11 +1,11 @@
 """Compare an examination with that of an earlier date, and write what has changed.
 
-Change of noise, sensitivity, read noise and defects since an earlier date, each with its σ and a test.
-
-Noise of scenes is compared at the same grey levels: the earlier one is interpolated between its levels. Of
-defects those are counted that are new and those that are gone. Where nothing has changed, a pixel near its
-limit appears as often as it goes, so that (new − gone)/√(new + gone) is a standard normal variable (McNemar
-1947); pixels that are defects at both dates say nothing about a change.
+Change of the effective resolution: every mean against the same one then. Change of noise, sensitivity,
+read noise and defects, each with its σ and a test: noise of scenes is compared at the same grey levels,
+the earlier one interpolated between its levels. Of defects those are counted that are new and those that
+are gone. Where nothing has changed, a pixel near its limit appears as often as it goes, so that (new −
+gone)/√(new + gone) is a standard normal variable (McNemar 1947); pixels that are defects at both dates say
+nothing about a change.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from adjust.arrays import Floats
 from tasks.document_kit.table import Number, decimals_for
 from tasks.errors import Location
 from tasks.files.json_text import JSON
-from tasks.image_quality.drift import LIMIT, drift_remarks, drift_table
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.parquet import write_table
@@ -29,12 +28,58 @@ from tasks.tables.schemas.image_quality import (
     DEFECT_COLUMNS,
     DEFECT_PIXELS,
     EDGE_DRIFT,
+    EDGE_MEANS,
     NOISE_LEVELS,
     QUALITY_DRIFT,
     SENSOR_SHEETS,
 )
 
+#: Change in its standard deviations beyond which a mean has drifted: by chance once in a thousand times.
+LIMIT = 3.29
 _REMEDY = "Name the folder of results of `aerocal image-quality`."
+_KEY = ["band", "direction", "zone"]
+
+
+def drift_table(means: pd.DataFrame, earlier: Path) -> pd.DataFrame:
+    """A row for every mean that there is at both dates.
+
+    Raises
+    ------
+    InputError
+        If the file is not a table of means, or has none of them.
+    """
+    then, _ = read_foreign_table(earlier, EDGE_MEANS, _REMEDY)
+    both = means.merge(then[[*_KEY, "factor", "sigma_factor"]], on=_KEY, suffixes=("", "_then"))
+    if both.empty:
+        raise Location(earlier).error(
+            "The earlier results have none of the bands.", "Name results of the same camera."
+        )
+    values = both[["factor", "factor_then", "sigma_factor", "sigma_factor_then"]].to_numpy(np.float64)
+    change: Floats = values[:, 0] - values[:, 1]
+    sigma: Floats = np.hypot(values[:, 2], values[:, 3])
+    t: Floats = change / np.where(sigma > 0.0, sigma, np.nan)
+    drift = both[_KEY].assign(
+        earlier=both["factor_then"],
+        factor=both["factor"],
+        change=change,
+        sigma_change=sigma,
+        t=t,
+        drifted=np.abs(t) > LIMIT,
+    )
+    return drift[[column.name for column in EDGE_DRIFT.columns]]
+
+
+def drift_remarks(drift: pd.DataFrame) -> tuple[str, ...]:
+    """A sentence about all edges of every band that has drifted."""
+    whole = drift[(drift["direction"] == "all") & (drift["zone"] == "all") & drift["drifted"]]
+    return tuple(
+        f"The factor of band {row['band']} has changed by {Number(row['change'], 3, plus=True)} ± "
+        f"{row['sigma_change']:.3f} "
+        f"since the earlier date, from {row['earlier']:.3f} to {row['factor']:.3f}."
+        for _, row in whole.iterrows()
+    )
+
+
 #: Sheets whose value has a standard deviation, and what the value is.
 _OF_SHEETS = {"sensitivity": "sensitivity", "noise": "read_noise"}
 _PLACES = {"defect_pixels": ["row", "column"], "defect_columns": ["column_start", "column_end"]}

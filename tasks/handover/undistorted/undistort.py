@@ -1,25 +1,75 @@
-"""Images without the distortion that an adjustment has found, their camera, and a statement of what they contain."""  # noqa: E501
+"""Images without the distortion that an adjustment has found, their camera, and a statement on both."""
 
 from __future__ import annotations
 
 import logging
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast, get_args
 
+import numpy as np
+
+from adjust.arrays import Floats
 from adjust.options import available_threads
+from adjust.resampling.pixel_map import PixelMap, pixel_map
 from adjust.resampling.resampled import Resampling
 from tasks.errors import InputError, Location
 from tasks.files.installation import writing_into
 from tasks.handover.formats.corrected_csv import ideal_cameras
+from tasks.handover.ideal_points import ideal_points, measured_points
 from tasks.handover.results import CalibratedCamera, read_cameras
-from tasks.handover.undistorted.camera_map import CameraMap, camera_map
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import ImageDescription, described, opened_image
 from tasks.image_files.image_writer import left_out_of
 from tasks.nearest_name import did_you_mean
+
+# A measured point whose own ideal point is further than this from the one that was requested belongs to
+# another place: far outside, a distortion folds back. At a seam it is as far as the jump there.
+_FOLDED_PX = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMap:
+    """The ideal camera has the format, pixels, focal length and principal point of the camera itself.
+
+    Attributes
+    ----------
+    camera : as calibrated.
+    pixels : position in a taken image of every pixel of an undistorted one.
+    largest_shift_px : between the two.
+    """
+
+    camera: CalibratedCamera
+    pixels: PixelMap
+    largest_shift_px: float
+
+
+def camera_map(camera: CalibratedCamera) -> CameraMap:
+    """The map of additional parameters and mean residuals."""
+    # Pixels count from the centre of the first one here, whatever the delivered coordinates do.
+    frame = replace(camera.frame, pixel_origin="centre")
+    size = (frame.columns, frame.rows)
+
+    def source_of(place: Floats) -> Floats:
+        ideal = frame.image_from_pixel(place)
+        measured = measured_points(camera, ideal)
+        away = np.abs(ideal_points(camera, measured) - ideal).max(axis=1)
+        folded = ~(away < _FOLDED_PX * frame.pixel_size)
+        return np.where(folded[:, None], np.nan, frame.pixel_from_image(measured))
+
+    found = pixel_map(source_of, size, size)
+    return CameraMap(camera, found, _largest_shift(found))
+
+
+def _largest_shift(pixels: PixelMap) -> float:
+    """Largest distance, pixels, at the nodes that lie in the image."""
+    steps = [64.0 * np.arange(side) for side in pixels.nodes.shape[1::-1]]
+    place = np.stack(np.meshgrid(*steps), axis=-1)
+    inside = (place < [pixels.columns, pixels.rows]).all(axis=-1)
+    return float(np.nanmax(np.linalg.norm((pixels.nodes - place)[inside], axis=-1), initial=0.0))
+
 
 _TIFF = (".tif", ".tiff")
 _CAMERAS = "cameras.csv"

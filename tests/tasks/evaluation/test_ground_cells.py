@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tasks.errors import InputError
-from tasks.evaluation.ground_cells import MapCells, MapGrid, inside
+from tasks.evaluation.trust_map import MapCells, MapGrid, inside
 
 
 def cells(rows: int, columns: int) -> MapCells:

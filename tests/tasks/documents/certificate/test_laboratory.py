@@ -16,7 +16,7 @@ from tasks.documents.certificate.compose import content_of
 from tasks.documents.certificate.content import CertificateContent, Facts, Signatures
 from tasks.documents.certificate.coverage import coverage_of
 from tasks.documents.certificate.flight_section import exposure_table
-from tasks.documents.certificate.image_axes import forward_in_image, image_axes
+from tasks.documents.certificate.identity_section import forward_in_image, image_axes
 from tasks.documents.certificate.material import CertificateMaterial
 from tasks.documents.certificate.page import page_of
 from tasks.documents.certificate.paper import pdf_of

@@ -10,7 +10,7 @@ import pytest
 import rasterio
 
 from adjust.resampling.resampled import Resampling
-from tasks.handover.undistorted.camera_map import CameraMap, camera_map
+from tasks.handover.undistorted.undistort import CameraMap, camera_map
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import opened_image
 from tests.tasks.handover.undistorted.crosses import centres, distorting_camera, measured_centres, taken_image
