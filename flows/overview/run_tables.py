@@ -82,15 +82,7 @@ def failures_part(
     if not runs:
         return html.Div("No run has failed.", className="empty")
     rows = [
-        (
-            run_link(dashboard, run.id, run.project),
-            STORY_LABELS.get(run.story, run.story),
-            run.state,
-            in_words((now - (run.ended or run.scheduled)).total_seconds()),
-            _Message(
-                in_project(run, run.message) + (" A later run has passed." if run.id in passed_since else "")
-            ),
-        )
+        _ended(run, run.project, now, dashboard, " A later run has passed." if run.id in passed_since else "")
         for run in runs
     ]
     return _table(("Project", "Story", "State", "Age", "Message"), rows)
@@ -134,13 +126,7 @@ def detail_part(
         ]
         parts += [html.H3("Gates"), _table(("Figure", "Value", "Limit", ""), rows)]
     older = [
-        (
-            run_link(dashboard, one.id, f"{one.scheduled.astimezone():%Y-%m-%d %H:%M}"),
-            STORY_LABELS.get(one.story, one.story),
-            one.state,
-            in_words((now - (one.ended or one.scheduled)).total_seconds()),
-            _Message(in_project(one, one.message)),
-        )
+        _ended(one, f"{one.scheduled.astimezone():%Y-%m-%d %H:%M}", now, dashboard)
         for one in runs
         if one.id != run.id
     ]
@@ -150,6 +136,17 @@ def detail_part(
             _table(("Run", "Story", "State", "Age", "Message"), older),
         ]
     return html.Div(parts, className="detail")
+
+
+def _ended(run: RunRecord, name: str, now: datetime, dashboard: str, remark: str = "") -> Sequence[Part]:
+    """A run under a name, and how it ended, as cells."""
+    return (
+        run_link(dashboard, run.id, name),
+        STORY_LABELS.get(run.story, run.story),
+        run.state,
+        in_words((now - (run.ended or run.scheduled)).total_seconds()),
+        _Message(in_project(run, run.message) + remark),
+    )
 
 
 def run_link(dashboard: str, run: str, text: str) -> Part:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import lies_under
 from tasks.object_storage.address import ObjectAddress, address_of
 from tasks.plain_text import UNSEEN, quoted, trouble_in
 from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
@@ -53,12 +54,7 @@ class Roots:
 
     def hold(self, path: Path) -> bool:
         """Whether a path, all links resolved, lies below one of the folders; an invalid path does not."""
-        try:
-            resolved = path.resolve()
-        except (OSError, RuntimeError, ValueError):
-            # Links in a circle, too long a name, a null character.
-            return False
-        return any(resolved.is_relative_to(folder) for folder in self.folders)
+        return lies_under(path, self.folders)
 
     def project_file(self, text: str) -> Path:
         """The project file that a parameter names.

@@ -1,4 +1,4 @@
-"""Prefect's server as a child process: its settings, and waiting until it is ready."""
+"""Prefect's server: where it listens, and the variables of its process."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import ipaddress
 import os
 import re
 import socket
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from urllib.parse import urlsplit
 
-from flows.server.child import Child, Lifeline
 from flows.server.door import DOOR_VARIABLE, Door
 from tasks.files.installation import InstallationError
 
@@ -91,13 +88,6 @@ class ServerAddress:
                 ) from error
 
 
-def free_port(host: str) -> int:
-    """A port of this host that is free at the moment."""
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
-        trial.bind((host, 0))
-        return int(trial.getsockname()[1])
-
-
 def server_environment(
     address: ServerAddress,
     database: str | None,
@@ -149,31 +139,3 @@ def _connection(database: str) -> str:
             "Write postgresql://USER@HOST/DATABASE with the password in PGPASSWORD, or omit --database.",
         )
     return f"postgresql+asyncpg://{found.group(1)}"
-
-
-def start_server(environment: Mapping[str, str], log: Path, lifeline: Lifeline) -> Child:
-    """Start the server without waiting until it is ready; its address is in the environment."""
-    return Child("flows.server.prefect_server", environment=environment, log=log, lifeline=lifeline)
-
-
-def wait_until(
-    what: str, is_so: Callable[[], bool], child: Child, is_over: Callable[[], bool], timeout_s: float
-) -> bool:
-    """Wait for something a child is to bring about; False if it was cancelled before.
-
-    Raises
-    ------
-    InstallationError
-        If the child ends, or the time passes; with the last lines of its log.
-    """
-    until = time.monotonic() + timeout_s
-    while not is_so():
-        if is_over():
-            return False
-        if child.ended or time.monotonic() > until:
-            reason = "ended" if child.ended else f"took longer than {timeout_s:.0f} s"
-            raise InstallationError(
-                f"The {what} {reason}.", f"Its log is {child.log}; the last lines:\n{child.last_lines()}"
-            )
-        time.sleep(0.1)
-    return True

@@ -25,8 +25,6 @@ from flows.server.server_process import (
     CLIENT_PASSWORD,
     ServerAddress,
     server_environment,
-    start_server,
-    wait_until,
 )
 from flows.server.settings import Settings
 from flows.server.state_file import (
@@ -143,16 +141,18 @@ class _Serving:
             at_end.callback(runner.end)
             watch = Watch(self.settings, self.api, self.records, self.say)
             at_end.enter_context(self._page(watch))
-            if not self._wait("server", self.api.is_well, server):
+            if not self._wait(server, self.api.is_well):
                 return 0
-            if not self._wait("runner", lambda: self._polls(begun), runner):
+            if not self._wait(runner, lambda: self._polls(begun)):
                 return 0
             self._ready()
             return self._stay(server, runner, watch)
 
     def _server(self) -> Child:
         log = self.settings.state / "logs" / "server.log"
-        return start_server(self.environment, log, self.of_server)
+        return Child(
+            "flows.server.prefect_server", environment=self.environment, log=log, lifeline=self.of_server
+        )
 
     def _runner(self) -> Child:
         return _start_runner(self.settings, self.api, self.of_runner, [self.of_server])
@@ -179,8 +179,26 @@ class _Serving:
         server.end()
         self.say("The server has stopped.")
 
-    def _wait(self, what: str, is_so: Callable[[], bool], service: Supervised) -> bool:
-        return wait_until(what, is_so, service.child, self.requests.come.is_set, _START_S)
+    def _wait(self, service: Supervised, is_so: Callable[[], bool]) -> bool:
+        """Wait for something a child is to bring about; False if asked to end before.
+
+        Raises
+        ------
+        InstallationError
+            If the child ends, or the time passes; with the last lines of its log.
+        """
+        child, until = service.child, time.monotonic() + _START_S
+        while not is_so():
+            if self.requests.come.is_set():
+                return False
+            if child.ended or time.monotonic() > until:
+                reason = "ended" if child.ended else f"took longer than {_START_S:.0f} s"
+                raise InstallationError(
+                    f"The {service.name} {reason}.",
+                    f"Its log is {child.log}; the last lines:\n{child.last_lines()}",
+                )
+            time.sleep(0.1)
+        return True
 
     def _polls(self, since: float) -> bool:
         """Whether our runner has registered its deployments since a time (s since 1970) and asks for runs."""
@@ -285,7 +303,7 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
         def start() -> Child:
             return _start_runner(settings, api, lifeline, name=name)
 
-        runner = Supervised("runner", start, say, lambda: _answers(url))
+        runner = Supervised("runner", start, say, api.is_well)
         try:
             say(f"Working for {url}; log: {runner.child.log}")
             say("Ready. Ctrl+C or SIGTERM stops it after the current runs have finished.")
@@ -296,14 +314,6 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
             runner.end()
             lifeline.release()
     return 0
-
-
-def _answers(url: str) -> bool:
-    try:
-        require_server(url)
-    except InstallationError:
-        return False
-    return True
 
 
 @contextmanager

@@ -20,7 +20,7 @@ import hashlib
 import math
 import os
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -117,6 +117,16 @@ def _number(environment: Mapping[str, str], variable: str, usual: int) -> int:
             "Set it to a positive whole number, or not at all.",
         )
     return int(text)
+
+
+def lies_under(path: Path, folders: Iterable[Path]) -> bool:
+    """Whether a path, all links resolved, lies under one of the folders; an invalid path does not."""
+    try:
+        resolved = path.resolve()
+    except (OSError, RuntimeError, ValueError):
+        # Links in a circle, too long a name, a null character.
+        return False
+    return any(resolved.is_relative_to(folder) for folder in folders)
 
 
 def is_there(path: Path) -> bool:

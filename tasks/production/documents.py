@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import AerocalError, InputError
-from tasks.files.delivered_file import read_delivered
+from tasks.files.delivered_file import lies_under, read_delivered
 from tasks.production.records import Records
 from tasks.production.run_record import PUBLISHING, RunRecord
 from tasks.results.manifest import Manifest, read_manifest
@@ -119,7 +119,7 @@ def _without_results(run: RunRecord) -> tuple[str, str]:
 
 def _manifest(run: RunRecord, folders: Sequence[Path]) -> Manifest | None:
     directory = Path(run.directory)
-    if not run.directory or not _lies_under(directory / "manifest.json", folders):
+    if not run.directory or not lies_under(directory / "manifest.json", folders):
         return None
     return read_manifest(directory)
 
@@ -131,7 +131,7 @@ def _names(manifest: Manifest) -> tuple[str, ...]:
 
 def _content(run: RunRecord, name: str, folders: Sequence[Path]) -> bytes:
     file = Path(run.directory) / name
-    if not _lies_under(file, folders):
+    if not lies_under(file, folders):
         raise NoDocumentError(
             f"{name} of {run.project} is no longer where it was written.", "Run the project again."
         )
@@ -139,11 +139,3 @@ def _content(run: RunRecord, name: str, folders: Sequence[Path]) -> bytes:
         return read_delivered(file.resolve(), "document")
     except InputError as error:
         raise NoDocumentError(f"{name} of {run.project} cannot be read. {error}", "") from error
-
-
-def _lies_under(path: Path, folders: Sequence[Path]) -> bool:
-    try:
-        resolved = path.resolve()
-    except (OSError, RuntimeError, ValueError):
-        return False
-    return any(resolved.is_relative_to(folder) for folder in folders)

@@ -1,6 +1,7 @@
 """The stages of all stories, one row for each, and what has become of them in a run.
 
-The order suits every story. On the production page, a stage is done, reused, failed, running or still to come.
+The order suits every story. On the production page, a stage is done, reused, failed, running or still
+waiting.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from pydantic_core import PydanticCustomError
 from adjust.errors import ExtensionError
 from adjust.extensions import Extended
 from tasks.errors import InputError, Location
-from tasks.files.delivered_file import digest_for_key, is_there, read_delivered, trouble_of
+from tasks.files.delivered_file import digest_for_key, is_there, lies_under, read_delivered, trouble_of
 from tasks.files.json_text import JSON
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import quoted, visible
@@ -188,14 +188,7 @@ class PathContext:
 
     def _may_be_read(self, path: Path) -> bool:
         """Whether a path, all links resolved, lies under one of the roots, if there are any."""
-        if not self.roots:
-            return True
-        try:
-            resolved = path.resolve()
-        except (OSError, RuntimeError):
-            # Links in a circle, or a name no file can have.
-            return False
-        return any(resolved.is_relative_to(root.resolve()) for root in self.roots)
+        return not self.roots or lies_under(path, [root.resolve() for root in self.roots])
 
     def _value_of(self, match: re.Match[str]) -> str:
         name = match.group(1)

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field
 from adjust.extensions import Extended, trouble_of_function
 from tasks.settings.base import InputPath, Settings, one_of
 
-#: What makes observations of a type, by its name; see `tasks.block.own_observations` for its signature.
+#: What makes observations of a type, by its name; see `tasks.block.assembled_block` for its signature.
 OBSERVATION_TYPES: Extended[object] = Extended("observations", {}, trouble_of_function)
 
 

@@ -30,7 +30,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-from flows.server.server_process import free_port
+from tests.ports import free_port
 
 #: A bucket that the tests share; each has a prefix of its own.
 BUCKET = "surveys"

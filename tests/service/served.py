@@ -21,10 +21,11 @@ from typing import Any, TypeVar
 from playwright.sync_api import Page
 
 from flows.server.api import Api
-from flows.server.server_process import SERVER_PASSWORD, free_port
+from flows.server.server_process import SERVER_PASSWORD
 from flows.server.state_file import kept_password
 from tasks.production.records import Records
 from tests.conftest import SHARED_VARIABLE
+from tests.ports import free_port
 
 T = TypeVar("T")
 START_S = 200.0

@@ -14,11 +14,11 @@ import pytest
 from flows.runs import cluster as module
 from flows.runs.cluster import cluster
 from flows.runs.stage import stage
-from flows.server.server_process import free_port
 from tasks.errors import InputError, NotComputableError
 from tasks.files.installation import InstallationError
 from tasks.store.artifact import verified
 from tasks.store.store import Store, stored
+from tests.ports import free_port
 from tests.service.dask_cluster import REPOSITORY, DaskCluster, dask_cluster
 from tests.service.served import until
 

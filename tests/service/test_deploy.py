@@ -19,16 +19,11 @@ import pytest
 
 from flows.server.api import Api
 from flows.server.door import door_of
-from flows.server.server_process import (
-    CLIENT_PASSWORD,
-    SERVER_PASSWORD,
-    ServerAddress,
-    free_port,
-    server_environment,
-)
+from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress, server_environment
 from tasks.production.records import Records
 from tests.deploy.deploy_files import DEPLOY, REPOSITORY, compose
 from tests.flows.conftest import write_block
+from tests.ports import free_port
 from tests.postgresql_server import PASSWORD, PostgresqlServer, program
 from tests.service.served import environment, until
 

@@ -12,8 +12,8 @@ from urllib.request import Request, urlopen
 import pytest
 
 from flows.server.door import basic
-from flows.server.server_process import free_port
 from tests.flows.conftest import write_block
+from tests.ports import free_port
 from tests.service.served import Served, served, until
 from tests.tasks.production.receivers import WebReceiver, web_receiver
 

@@ -22,9 +22,9 @@ from flows.overview.sources import Sources
 from flows.server.api import Api
 from flows.server.door import door_of
 from flows.server.roots import Roots
-from flows.server.server_process import free_port
 from tasks.production.records import Records
 from tests.conftest import REPOSITORY
+from tests.ports import free_port
 
 pytestmark = pytest.mark.service
 PASSWORD, HOST = "aerocal:long-random-text", "production.example.org"

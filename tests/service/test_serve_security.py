@@ -20,9 +20,10 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from flows.server.door import basic
-from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, free_port
+from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD
 from tasks.files.installation import InstallationError
 from tests.flows.conftest import write_block
+from tests.ports import free_port
 from tests.service.served import Served, environment, served
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]

@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 
-from flows.server.server_process import free_port
 from tasks.patience import Patience
 from tasks.production.notice import USUAL, Links
 from tasks.production.notice_addresses import configured_addresses
 from tasks.production.outbox import PATIENCE, Courier, Outbox
 from tasks.production.records import Records
 from tests.conftest import Start
+from tests.ports import free_port
 from tests.tasks.production.ended_runs import ended_run
 from tests.tasks.production.receivers import mail_receiver, web_receiver
 
