@@ -9,7 +9,6 @@ from pathlib import Path
 
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError, writing_into
-from tasks.files.json_text import from_json
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.workspace import ObjectWorkspace, PublishedEntry
 from tasks.results.manifest import read_manifest, write_manifest
@@ -63,7 +62,7 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
         raise InputError(
             f"There are no results at {address}.", "Correct the address, or run a project with it as --out."
         )
-    last_run = workspace.storage.document(SUMMARY, _summary_from)
+    last_run = workspace.storage.document(SUMMARY, Summary)
     entries = tuple(manifest.artifacts.values())
     with writing_into(directory), run_lock(directory):
         last = read_manifest(directory)
@@ -99,10 +98,3 @@ def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path)
 
 def _files(entries: Sequence[PublishedEntry]) -> tuple[str, ...]:
     return tuple(sorted(entry.file for entry in entries))
-
-
-def _summary_from(content: bytes) -> Summary | None:
-    try:
-        return Summary.model_validate(from_json(content))
-    except ValueError:
-        return None

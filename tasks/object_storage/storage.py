@@ -15,6 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from pydantic import BaseModel
+
+from tasks.files.json_text import from_json
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.connection import connection_from, patiently
 
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
     from pyarrow.fs import S3FileSystem
 
 R = TypeVar("R")
+D = TypeVar("D", bound=BaseModel)
 _PIECE_BYTES = 1 << 22
 #: Larger documents than this are not ours.
 _MOST_BYTES = 64 << 20
@@ -89,7 +93,7 @@ class ObjectStorage:
             return None
         return content if len(content) <= most_bytes else None
 
-    def document(self, name: str, parsed: Callable[[bytes], R | None]) -> R | None:
+    def document(self, name: str, kind: type[D]) -> D | None:
         """A document that may be replaced at any moment: the old one or the new one; None if there is none.
 
         The client asks for the size first, then for so many bytes. Of a longer document that took the place
@@ -97,17 +101,17 @@ class ObjectStorage:
 
         Parameters
         ----------
-        parsed : what is in it; None if that is no such document.
+        kind : of the document.
         """
         before: bytes | None = None
         while (content := self.read(name, _MOST_BYTES)) is not None:
-            found = parsed(content)
-            if found is not None:
-                return found
-            if content == before:
-                _log.warning("%s/%s is damaged", self.address, name)
-                return None
-            before = content
+            try:
+                return kind.model_validate(from_json(content))
+            except ValueError:
+                if content == before:
+                    _log.warning("%s/%s is damaged", self.address, name)
+                    return None
+                before = content
         return None
 
     def put(self, name: str, content: bytes) -> None:

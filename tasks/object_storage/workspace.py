@@ -18,7 +18,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Annotated, TypeAlias
 
@@ -93,15 +92,6 @@ class StageListing(BaseModel, frozen=True):
         return tuple(file for file in self.files if not _intact(file, found[file], completed))
 
 
-def stage_listing_from(content: bytes, key: StageKey) -> StageListing | None:
-    """Read the list of files of a stage output; None if it is invalid or belongs to another one."""
-    try:
-        listing = StageListing.model_validate(from_json(content))
-    except ValueError:
-        return None
-    return listing if (listing.stage, listing.key) == (key.stage, key.digest) else None
-
-
 def _intact(file: ListedFile, found: StoredObject | None, completed: StoredObject) -> bool:
     return found is not None and found.size == file.bytes and found.changed_ns <= completed.changed_ns
 
@@ -138,14 +128,6 @@ class PublishedManifest(Manifest):
         return Manifest.model_validate(self.model_dump())
 
 
-def published_manifest_from(content: bytes) -> PublishedManifest | None:
-    """Read a manifest; None if it is none."""
-    try:
-        return PublishedManifest.model_validate(from_json(content))
-    except ValueError:
-        return None
-
-
 _log = logging.getLogger("aerocal")
 
 
@@ -171,10 +153,8 @@ class ObjectWorkspace:
 
     def take(self, key: StageKey, folder: Path) -> float | None:
         """Download the output of a stage; see `tasks.store.remote.Remote`."""
-        listing = self.storage.document(
-            f"{folder_of(key.stage, key.digest)}/{STAGE_FILE}", partial(stage_listing_from, key=key)
-        )
-        if listing is None:
+        listing = self.storage.document(f"{folder_of(key.stage, key.digest)}/{STAGE_FILE}", StageListing)
+        if listing is None or (listing.stage, listing.key) != (key.stage, key.digest):
             return None
         for file in listing.files:
             if self.storage.download(listing.object_of(file), folder / file.file) != file.sha256:
@@ -201,7 +181,7 @@ class ObjectWorkspace:
 
     def manifest(self) -> PublishedManifest | None:
         """The manifest of the last run with results; None if there is none, or none that can be read."""
-        return self.storage.document(MANIFEST, published_manifest_from)
+        return self.storage.document(MANIFEST, PublishedManifest)
 
     def publish(
         self, manifest: Mapping[str, JSON], summary: Mapping[str, JSON], own: Collection[str]
