@@ -1,22 +1,18 @@
 """From the delivered tables to a block with its observations, ready to be adjusted.
 
-Parts of the observations may get standard deviations of their own, by file, camera and flight; and other
-installed packages may add observations of their types.
+Parts of the observations may get standard deviations of their own, by file, camera and flight.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TypeAlias, cast
 
 import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
-from adjust.observations.base import ObservationGroup
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
@@ -34,15 +30,14 @@ from tasks.block.known_calibrations import (
 )
 from tasks.block.observation_types import Observed
 from tasks.block.oriented_images import oriented_images
+from tasks.block.own_observations import ObservedBlock, own_observations
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import Fields, with_given_corrections
 from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
 from tasks.block.strip_motion import require_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
-from tasks.errors import InputError, Location
 from tasks.settings.adjustment import AdjustmentSettings
-from tasks.settings.own_observations import OBSERVATION_TYPES, OwnObservationsInput
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,69 +199,3 @@ def _joined(labels: list[np.ndarray]) -> Iterator[np.ndarray]:
 def _division(group: str, label: np.ndarray, before: str = "") -> Division:
     index, names = pd.factorize(label, sort=True)
     return Division(group, tuple(f"{before}{name}" for name in names), index.astype(np.int64))
-
-
-@dataclass(frozen=True, eq=False)
-class ObservedBlock:
-    """What a type of observations is told about the block.
-
-    Attributes
-    ----------
-    block : with names, cameras and approximate values in the local frame.
-    local_from_map : from easting, northing and height (n, 3) of the project's CRS to the local frame, metres.
-    """
-
-    block: Block
-    local_from_map: Callable[[Floats], Floats]
-
-
-#: What an entry point of `aerocal.observations` is: it reads a file and returns the group of its rows, in SI
-#: units and radians. It raises :class:`~tasks.errors.InputError` where the file is wrong.
-ObservationType: TypeAlias = Callable[
-    [Path, ObservedBlock, Mapping[str, bool | int | float | str]], ObservationGroup
-]
-
-
-def own_observations(
-    observed: ObservedBlock, inputs: Sequence[OwnObservationsInput], taken: Sequence[str]
-) -> tuple[ObservationGroup, ...]:
-    """The groups that a project declares of types that other packages add.
-
-    Parameters
-    ----------
-    taken : names of the groups that there are already.
-
-    Raises
-    ------
-    InputError
-        If a file is wrong, a type returns no observations, or two groups have one name.
-    """
-    names = list(taken)
-    groups = []
-    for given in inputs:
-        make = cast(ObservationType, OBSERVATION_TYPES[given.type])
-        try:
-            group = make(given.file, observed, given.options)
-        except InputError:
-            raise
-        except Exception as error:
-            error.add_note(f"This happened in the extension {given.type!r} (observations), not in aerocal.")
-            raise
-        _require_group(given, group, names)
-        names.append(group.name)
-        groups.append(group)
-    return tuple(groups)
-
-
-def _require_group(given: OwnObservationsInput, group: object, names: Sequence[str]) -> None:
-    if not isinstance(group, ObservationGroup):
-        raise Location(given.file).error(
-            f"The observation type {given.type!r} returned a {type(group).__name__}, not observations.",
-            "Report this to the author of the package.",
-        )
-    if group.name in names:
-        raise Location(given.file).error(
-            f"The observation type {given.type!r} returned a group named {group.name!r}, which already "
-            "exists.",
-            "Put the observations of one type into one file.",
-        )
