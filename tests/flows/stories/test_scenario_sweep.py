@@ -64,8 +64,7 @@ SMALLER += ("--set", "sweep.workers=1")
 
 
 def sweep(field: Path, out: Path, *more: str) -> subprocess.CompletedProcess[str]:
-    # Where a test of this file has started a server, it would take the runs.
-    return aerocal("sweep", field, "--out", out, "--server", "none", *SMALLER, *more)
+    return aerocal("sweep", field, "--out", out, *SMALLER, *more)
 
 
 def results(out: Path) -> pd.DataFrame:
