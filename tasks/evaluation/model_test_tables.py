@@ -255,7 +255,8 @@ def possible_explanation(
 ) -> tuple[int, ...]:
     """The alternatives that explain the misclosures, without those that would have to be too large for it.
 
-    Where several look nearly the same, together they can take any size.
+    Where several look nearly the same, together they can take any size. What is too large by itself stays,
+    and so does a contradiction that nothing else explains: something is wrong.
 
     Parameters
     ----------
@@ -263,13 +264,17 @@ def possible_explanation(
     most : (k,) size beyond which it is no explanation; three times its σ are allowed on top.
     scale : factor of all σ.
     """
-    critical = critical.copy()
-    while order := tests.explanation(critical):
+    critical, order = critical.copy(), tests.explanation(critical)
+    alone = np.abs(tests.estimate) - _CERTAIN * scale * tests.sigma
+    most = np.where(alone > most, np.inf, most)
+    while order:
         size, sigma = np.abs(tests.joint(order)[1]), scale * tests.joint_sigma(order)
         beyond = size - _CERTAIN * sigma > most[list(order)]
-        if not beyond.any():
-            break
         critical[np.array(order)[beyond]] = np.inf
+        others = tests.explanation(critical) if beyond.any() else ()
+        if not others:
+            break
+        order = others
     return order
 
 

@@ -26,12 +26,21 @@ def test_of_two_that_are_nearly_alike_the_impossible_one_is_left_out() -> None:
     assert set(possible_explanation(tests, CRITICAL, most, 1.0)) == {1, 2}
 
 
-@pytest.mark.parametrize(("size", "found"), [(1.0, True), (-2.0, True), (3.2, True), (3.4, False)])
-def test_a_possible_size_is_an_explanation_within_three_sigma(size: float, found: bool) -> None:
-    order = possible_explanation(with_joint_sizes([0.0, 0.0, size]), CRITICAL, np.full(3, 3.0), 1.0)
-    assert order == ((2,) if found else ())
+@pytest.mark.parametrize("size", [1.0, -2.0, 3.4, 500.0])
+def test_what_is_significant_by_itself_stays_whatever_its_size(size: float) -> None:
+    tests = with_joint_sizes([0.0, 0.0, size])
+    assert possible_explanation(tests, CRITICAL, np.full(3, 3.0), 1.0) == (2,)
 
 
-def test_a_larger_scale_of_all_sigmas_makes_the_limit_wider() -> None:
-    order = possible_explanation(with_joint_sizes([0.0, 0.0, 3.4]), 2.0 * CRITICAL, np.full(3, 3.0), 2.0)
-    assert order == (2,)
+def test_a_contradiction_that_nothing_else_explains_stays() -> None:
+    """Without the impossible one the other is not significant."""
+    tests = with_joint_sizes([300.0, -299.7, 0.0])
+    most = np.array([3.0, np.inf, np.inf])
+    assert set(tests.explanation(CRITICAL)) == set(possible_explanation(tests, CRITICAL, most, 1.0)) != set()
+
+
+@pytest.mark.parametrize(("scale", "found"), [(1.0, {1}), (50.0, {0, 1})])
+def test_three_sigma_of_the_joint_size_are_allowed(scale: float, found: set[int]) -> None:
+    tests = with_joint_sizes([20.0, -19.0, 0.0])
+    most = np.array([3.0, np.inf, np.inf])
+    assert set(possible_explanation(tests, CRITICAL, most, scale)) == found
