@@ -295,7 +295,7 @@ SLIPS: tuple[Slip, ...] = (
     Slip("half of the control 10 cm wrong", "control_tilt", control=added(half_of_control, z=0.10)),
     Slip("remounted by 0.02°", "boresight", exposures=added(SECOND_DAY, pitch=0.02)),
     Slip("remounted by 0.02° about the vertical", "boresight", exposures=added(SECOND_DAY, heading=0.02)),
-    Slip("remounted by 0.004°", "boresight", "pitch differs", exposures=added(SECOND_DAY, pitch=0.004)),
+    Slip("remounted by 0.004°", "boresight", "pitch varies", exposures=added(SECOND_DAY, pitch=0.004)),
     Slip("image σ five times too large", words="image points", stated=("inputs.image_points.sigma=0.006",)),
     Slip("image σ five times too small", words="image points", stated=("inputs.image_points.sigma=0.00024",)),
     Slip("refraction applied twice", "refraction", stated=('adjustment.refraction="standard"',)),
