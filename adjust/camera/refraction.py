@@ -11,12 +11,16 @@ flat-layer integral of the refractive index n − 1 = 2.26e-4 ρ, ρ in kg/m³.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from adjust.arrays import Floats
 
 _GRAVITY = 9.80665  # m/s², standard gravity (ICAO 7488)
 _GAS_CONSTANT = 287.05  # J/(kg K), dry air
+# Nearer to the horizon nothing is known of refraction.
+_LEAST_COSINE = 1e-3
 _REFRACTIVITY = 2.26e-4  # m³/kg, (n − 1)/ρ of visible light: n − 1 = 2.77e-4 at 1.225 kg/m³
 
 
@@ -54,31 +58,38 @@ def straight_image_points(
     up : (n, 3) vertical at each camera, local frame.
     coefficient : (n,) K in radians.
     """
-    return _straight(xy, interior, _down_in_camera(local_from_camera, up), coefficient)
-
-
-def _down_in_camera(local_from_camera: Floats, up: Floats) -> Floats:
-    """(n, 3) direction of the nadir in the camera frame."""
-    return np.asarray(-np.einsum("nji,nj->ni", local_from_camera, up))
-
-
-def _straight(xy: Floats, interior: Floats, down_in_camera: Floats, coefficient: Floats) -> Floats:
-    """Image coordinates (n, 2) of the straight rays."""
-    ray = np.stack([xy[:, 0] - interior[:, 1], xy[:, 1] - interior[:, 2], -interior[:, 0]], axis=1)
-    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    cosine = np.sum(ray * down_in_camera, axis=1)
-    sideways = down_in_camera - cosine[:, None] * ray
-    # A turn by dα = K tan α towards the nadir; the unit vector sideways has the length sin α.
-    turned = ray + sideways * (coefficient / np.maximum(cosine, 1e-3))[:, None]
-    straight = -interior[:, :1] * turned[:, :2] / turned[:, 2:]
-    return np.asarray(straight + interior[:, 1:])
+    # A ray of length 1 and K / cos α of the vertical, less what of that lies along the ray.
+    return _turned(
+        xy, interior, local_from_camera, up, lambda t2: (1.0 - coefficient) / (1.0 + coefficient * t2)
+    )
 
 
 def refracted_image_points(
     xy: Floats, interior: Floats, local_from_camera: Floats, up: Floats, coefficient: Floats
 ) -> Floats:
-    """Image coordinates (n, 2) as measured, from those of straight rays; inverse of the former."""
-    measured, down_in_camera = xy, _down_in_camera(local_from_camera, up)
-    for _ in range(3):  # a contraction by K (1 + tan² α) < 1e-3
-        measured = xy + (measured - _straight(measured, interior, down_in_camera, coefficient))
-    return measured
+    """Image coordinates (n, 2) as measured, from those of straight rays; exact inverse of the former."""
+
+    # With T = tan α of the straight ray and t of the measured one, T (1 + K t²) = t (1 − K).
+    def factor(t2: Floats) -> Floats:
+        own = 1.0 - coefficient
+        return np.asarray(2.0 / (own + np.sqrt(np.maximum(own**2 - 4.0 * coefficient * t2, 0.0))))
+
+    return _turned(xy, interior, local_from_camera, up, factor)
+
+
+def _turned(
+    xy: Floats,
+    interior: Floats,
+    local_from_camera: Floats,
+    up: Floats,
+    factor: Callable[[Floats], Floats],
+) -> Floats:
+    """Image coordinates (n, 2) of rays whose tan α is multiplied by a factor, a function of tan² α (n,)."""
+    ray = (xy[:, 0] - interior[:, 1], xy[:, 1] - interior[:, 2], -interior[:, 0])
+    down = [-np.einsum("ni,ni->n", local_from_camera[:, :, axis], up) for axis in range(3)]
+    along = ray[0] * down[0] + ray[1] * down[1] + ray[2] * down[2]
+    square = ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2
+    sideways = factor(square / np.maximum(along**2, _LEAST_COSINE**2 * square) - 1.0)
+    along *= 1.0 - sideways
+    x, y, z = (sideways * own + along * axis for own, axis in zip(ray, down, strict=True))
+    return np.stack([interior[:, 1] + ray[2] * x / z, interior[:, 2] + ray[2] * y / z], axis=1)

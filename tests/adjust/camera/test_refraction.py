@@ -57,12 +57,14 @@ def test_the_nadir_of_a_tilted_image_stays_where_it_is() -> None:
     np.testing.assert_allclose(straight, measured, atol=1e-15)
 
 
-def test_bending_and_straightening_are_inverse() -> None:
+@pytest.mark.parametrize("tilt_deg", [0.0, 45.0])
+def test_bending_and_straightening_are_inverse(tilt_deg: float) -> None:
     rng = np.random.default_rng(7)
     n = 200
     xy = rng.uniform(-0.05, 0.05, (n, 2))
     interior = np.tile([0.1, 2e-5, -1e-5], (n, 1))
-    local_from_camera = rotation.from_omega_phi_kappa(rng.normal(0.0, [0.05, 0.05, 3.0], (n, 3)))
+    angles = rng.normal([np.deg2rad(tilt_deg), 0.0, 0.0], [0.05, 0.05, 3.0], (n, 3))
+    local_from_camera = rotation.from_omega_phi_kappa(angles)
     up = np.tile([0.0, 0.0, 1.0], (n, 1))
     k = np.full(n, 6e-5)
     measured = refracted_image_points(xy, interior, local_from_camera, up, k)
