@@ -310,8 +310,11 @@ class ImagePoints:
         )
         return result
 
-    def only(self, rows: Ints, point: Ints | None = None) -> Self:
-        """Some of the image points, by ascending rows; in any order with object points numbered anew (n,)."""
+    def only(self, rows: Ints | slice, point: Ints | None = None) -> Self:
+        """Some of the image points, by ascending rows; in any order with object points numbered anew (n,).
+
+        A range of rows copies nothing.
+        """
         return replace(
             self,
             image=self.image[rows],

@@ -106,7 +106,7 @@ def _parts(group: ObservationGroup) -> Iterator[tuple[ObservationGroup, slice]]:
         return
     for first in range(0, len(group.image), _AT_ONCE):
         rows = slice(first, min(first + _AT_ONCE, len(group.image)))
-        yield group.only(np.arange(rows.start, rows.stop)), rows
+        yield group.only(rows), rows
 
 
 def _summed(term: Term, columns: Floats) -> tuple[Ints, Floats]:

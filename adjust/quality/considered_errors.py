@@ -80,7 +80,7 @@ class ConsideredErrors:
         """The same (n, 2, 2) of image points in units of their σ; zero for those that are not used."""
         covariance = np.empty((len(rays.image), 2, 2))
         for first in range(0, len(covariance), _AT_ONCE):
-            part = rays.only(np.arange(first, min(first + _AT_ONCE, len(covariance))))
+            part = rays.only(slice(first, first + _AT_ONCE))
             equations = standardize(part, part.linearize(state))
             covariance[first : first + _AT_ONCE] = self.covariance_of_residuals(equations)
         return covariance
