@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from adjust.arrays import Bools
@@ -57,13 +56,21 @@ class ImagePointRows:
 
     @classmethod
     def of(
-        cls, measured: MeasuredPoints, dropped: Bools, extra: Sequence[Mapping[str, pa.Array]]
+        cls,
+        measured: MeasuredPoints,
+        dropped: Bools,
+        by_name: NDArray[np.uint64],
+        extra: Sequence[Mapping[str, pa.Array]],
     ) -> ImagePointRows:
-        """All rows except those of dropped points and those that are left out."""
+        """All rows except those of dropped points and those that are left out.
+
+        Parameters
+        ----------
+        by_name : numbers of all points in the order of their names.
+        """
         place = np.full(len(dropped), -1, dtype=np.int32)
-        kept = np.flatnonzero(~dropped)
-        names = measured.points if len(kept) == len(dropped) else measured.points.take(pa.array(kept))
-        place[kept[pc.sort_indices(names).to_numpy()]] = np.arange(len(kept), dtype=np.int32)
+        kept = by_name[~dropped[by_name]]
+        place[kept] = np.arange(len(kept), dtype=np.int32)
         of_image = np.zeros(len(measured.images), dtype=np.int64)
         for rows in blocks(len(measured.point)):
             image = measured.image[rows]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from adjust.arrays import Bools, Floats
 from adjust.camera.interior import FrameCamera
 from tasks.errors import InputError
+from tasks.files.in_turn import in_turn
 from tasks.formats.records import ImagePointRecords
 
 Unit = Literal["px", "mm", "um", "centred-px", "longer-side"]
@@ -29,8 +30,8 @@ _NAMES = {
     "centred-px": "pixels from the middle of the image (centred-px)",
     "longer-side": "fractions of the longer side of the image (longer-side)",
 }
-# Points that are looked at together.
-_BLOCK = 250_000
+# Points that are looked at together, and how many of such blocks at a time.
+_BLOCK, _THREADS = 250_000, 2
 # A measurement on the border of the image may stand a pixel outside it.
 _MARGIN_PX = 1.0
 # If all points lie within this part of the half format, the unit is too large by orders of magnitude.
@@ -78,14 +79,17 @@ class _Measured:
         """Block by block: position in the image as a part of the half format (m, 2), whether inside (m,)."""
         half = np.array([model.half_format for model in self.cameras]) * 1e3
         margin = _MARGIN_PX * np.array([model.pixel_size for model in self.cameras])[:, None] * 1e3
-        for begin in range(0, len(self.xy), _BLOCK):
+
+        def compared(begin: int) -> tuple[slice, Floats, Bools]:
             rows = slice(begin, begin + _BLOCK)
             camera = self.camera_of_code[self.code[rows]]
             # One camera needs no look-up for each point.
             which = camera if len(self.cameras) > 1 else slice(0, 1)
             millimetres = in_millimetres(self.xy[rows], unit, self.cameras, camera)
             inside = np.abs(millimetres) <= (half + margin)[which]
-            yield rows, millimetres / half[which], inside[:, 0] & inside[:, 1]
+            return rows, millimetres / half[which], inside[:, 0] & inside[:, 1]
+
+        return in_turn(compared, range(0, len(self.xy), _BLOCK), _THREADS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ at a time (`tasks.deliveries.measured_points`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,12 +95,15 @@ def usable_image_points(
         else [f"{without:,} images have no exposure and are oriented by their image points."]
     )
     measured, outside, remarks = _measured(sources, records, exposures, known, outside_share)
-    about_pairs = look_through(measured, exposures)
+    with ThreadPoolExecutor(1) as beside:
+        by_name = beside.submit(pc.sort_indices, measured.points)
+        about_pairs = look_through(measured, exposures)
     rays = rays_of_points(measured)
     single = rays == 1
     if surveyed is not None:
         single &= ~pc.is_in(measured.points, pa.array(surveyed, pa.string())).to_numpy(zero_copy_only=False)
-    rows = ImagePointRows.of(measured, single, [entry.extra for entry in records])
+    extra = [entry.extra for entry in records]
+    rows = ImagePointRows.of(measured, single, by_name.result().to_numpy(), extra)
     _refuse_nothing_to_intersect(measured, rows.of_image, rays)
     notes = _notes(measured, remarks, outside, single, int(rows.of_image.sum()))
     problems += [*notes.problems, *about_pairs, *about_extra(records)]
@@ -184,6 +188,8 @@ def _about_sigmas(
     InputError
         If one cannot be.
     """
+    if file.lacks_sigma:
+        return []
     pixel_mm = np.array([model.pixel_size * 1e3 for model in cameras])
     scale = unit_mm(file.unit, cameras) / pixel_mm
     without, rows, given = 0, 0, False

@@ -55,6 +55,11 @@ class MeasuredFile:
         """The rows of the records that were read."""
         return cls(records.file, source.unit, source.sigma, records.xy, records.sigma, records.line)
 
+    @property
+    def lacks_sigma(self) -> bool:
+        """Whether it has no standard deviations at all: one NaN then stands for every row."""
+        return self.sigma.strides == (0, 0) and bool(np.isnan(self.sigma[:1]).all())
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredPoints:
@@ -91,12 +96,14 @@ class MeasuredPoints:
 
         def given_or_usual(file: MeasuredFile, own: Rows, camera: NDArray[np.int64]) -> Floats:
             scale = unit_mm(file.unit, self.cameras)[camera][:, None]
-            given = file.sigma[own]
             usual = (
                 IMAGE_POINT_SIGMA_PX * pixel_mm[camera][:, None]
                 if file.sigma_of_input is None
                 else np.array(file.sigma_of_input) * scale
             )
+            if file.lacks_sigma:
+                return np.broadcast_to(usual, (len(own), 2))
+            given = file.sigma[own]
             return np.where(np.isnan(given), usual, given * scale)
 
         return self._of_files(rows, given_or_usual)
