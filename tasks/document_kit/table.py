@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from markupsafe import Markup, escape
 
@@ -20,8 +20,7 @@ NONE = "–"
 _MOST_DECIMALS = 7
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """A number in a table.
 
     Attributes
@@ -44,18 +43,19 @@ class Number:
     @property
     def data(self) -> str:
         """The full value as text that reads back exactly; empty without a value."""
-        return repr(float(self.value)) if self.value is not None and math.isfinite(self.value) else ""
+        value = self[0]
+        return repr(float(value)) if value is not None and math.isfinite(value) else ""
 
     def __str__(self) -> str:
-        value = self.value
+        value, decimals, plus = self
         if value is None or not math.isfinite(value):
             return NONE
-        sign = "+" if self.plus else ""
-        if self.decimals > _MOST_DECIMALS and value != 0.0:
-            digits = max(_exponent(value) + self.decimals, 0)
+        sign = "+" if plus else ""
+        if decimals > _MOST_DECIMALS and value != 0.0:
+            digits = max(_exponent(value) + decimals, 0)
             mantissa, exponent = f"{value:{sign}.{digits}e}".split("e")
             return f"{mantissa}e{int(exponent)}".replace("-", "−")
-        text = f"{value:{sign},.{self.decimals if self.decimals <= _MOST_DECIMALS else 0}f}"
+        text = f"{value:{sign},.{decimals if decimals <= _MOST_DECIMALS else 0}f}"
         # A zero that was rounded has no sign.
         if text[-1] == "0" and not text.strip("+-0.,"):
             text = text.lstrip("+-")
