@@ -12,4 +12,4 @@ from adjust.result import GroupResult, ObservationStatus
 def controlled(rays: GroupResult) -> Bools:
     """(n, 2) the residuals of image points that show errors: used, and controlled by other observations."""
     used = rays.status == ObservationStatus.USED
-    return np.asarray(used & (np.nan_to_num(rays.redundancy) > LEAST_REDUNDANCY))
+    return np.asarray(used & (rays.redundancy > LEAST_REDUNDANCY))
