@@ -10,8 +10,10 @@ import numpy as np
 from adjust.approximate import intersection_kernel
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.image_point import ImagePoints
+from adjust.options import available_threads
 from adjust.parameters import INTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.solve.covisibility import point_starts
+from adjust.solve.lanes import Lane, in_order, lanes
 
 _REFINEMENTS = 8
 _SETTLED = 1e-8  # metres
@@ -53,9 +55,8 @@ def intersect(image_points: ImagePoints, state: State, points: int) -> Intersect
     Least squares on the collinearity equations with the weights of the image points; the object
     points of the state are not used.
     """
-    rays = image_points
-    object_point, angle, status = intersection_kernel.intersect(
-        point_starts(rays.point, points),
+    rays, start = image_points, point_starts(image_points.point, points)
+    of_rays = (
         rays.image,
         rays.camera_of_image,
         state.pictures.projection_centre,
@@ -64,7 +65,15 @@ def intersect(image_points: ImagePoints, state: State, points: int) -> Intersect
         rays.straight(state, np.zeros(0, dtype=np.int64)).xy,
         rays.inverse_sigma,
     )
-    found = Intersection(object_point, angle, status)
+
+    def work(lane: Lane) -> tuple[Floats, Floats, Ints]:
+        found: tuple[Floats, Floats, Ints] = intersection_kernel.intersect(
+            start[lane[0] : lane[1] + 1], *of_rays
+        )
+        return found
+
+    parts = zip(*in_order(work, lanes(start), available_threads()), strict=True)
+    found = Intersection(*map(np.concatenate, parts))
     if rays.self_calibration is None or rays.self_calibration.forward is None:
         return found
     # The kernel weighs ideal points, which a distortion has moved apart or together.

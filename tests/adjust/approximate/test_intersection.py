@@ -12,6 +12,8 @@ from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, State
+from adjust.solve.covisibility import point_starts
+from adjust.solve.lanes import lanes
 from tests.adjust.scenes import two_strips
 
 C = 0.1
@@ -48,6 +50,18 @@ def test_the_normal_case_gives_height_from_the_parallax() -> None:
     angle = 2.0 * np.arctan(0.5 * base / np.hypot(850.0, expected[1]))
     assert found.angle[0] == pytest.approx(angle)
     assert found.usable.all()
+
+
+def test_points_that_several_threads_share_are_all_where_their_parallaxes_say() -> None:
+    base, points = 400.0, 6_000
+    height = np.linspace(-100.0, 300.0, points)
+    x = 0.5 * base * C / (1000.0 - height)
+    xy = np.stack([np.stack([x, -x], axis=1), np.full((points, 2), 0.002)], axis=2)
+    many = rays(xy.reshape(-1, 2).tolist(), [0, 1] * points, np.repeat(np.arange(points), 2).tolist())
+    assert len(lanes(point_starts(many.point, points))) > 1
+    found = intersect(many, two_cameras(base), points)
+    assert found.usable.all()
+    np.testing.assert_allclose(found.object_point[:, 2], height, atol=1e-8)
 
 
 def test_exact_rays_of_a_block_meet_at_the_true_points_without_approximate_values() -> None:
