@@ -6,15 +6,25 @@ therefore dealt into shares by their characters, and looked up share by share.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import partial
+from typing import TypeAlias, TypeVar
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
+from tasks.files.in_turn import in_turn
+
+_Item = TypeVar("_Item")
+_Codes: TypeAlias = NDArray[np.int32]
 
 # Names that are looked up together.
 _SHARE = 500_000
+# Parts of a column that are worked on at a time.
+_THREADS = 2
 # Characters that are taken together, and how many tell the share of a name.
 _WORD, _TELLING = 8, 64
 # Odd, with bits in no order: every character moves all bits above its own.
@@ -37,28 +47,40 @@ def joined_names(parts: list[pa.DictionaryArray]) -> pa.DictionaryArray:
         return parts.pop()
     shares = 1 + sum(len(part.dictionary) for part in parts) // _SHARE
     indices, dealt, number_of = [], [], []
-    while parts:
-        part = parts.pop(0)
-        share = _share_of(part.dictionary, shares)
-        dealt.append([part.dictionary.filter(pa.array(share == own)) for own in range(shares)])
+    for own, names_of_shares, share in in_turn(partial(_dealt, shares), _taken_out(parts), _THREADS):
+        indices.append(own)
+        dealt.append(names_of_shares)
         # Until a name has its number, that of its share is there, below zero.
         number_of.append(-1 - share)
-        indices.append(part.indices)
-        del part
     names = _numbered(dealt, number_of)
     joined = np.empty(sum(map(len, indices)), dtype=np.int32)
     missing = np.zeros(len(joined), dtype=bool) if any(own.null_count for own in indices) else None
-    end = 0
-    while indices:
-        own = indices.pop(0)
-        begin, end = end, end + len(own)
+    ends = np.cumsum([len(own) for own in indices]).tolist()
+
+    def number(part: tuple[int, pa.Array, _Codes]) -> None:
+        end, own, numbers = part
+        rows = slice(end - len(own), end)
         if missing is not None:
-            missing[begin:end] = own.is_null().to_numpy(zero_copy_only=False)
+            missing[rows] = own.is_null().to_numpy(zero_copy_only=False)
         # One more, for those that have no name in a part without any.
-        joined[begin:end] = np.append(number_of.pop(0), np.int32(0))[
-            pc.fill_null(own, 0).to_numpy(zero_copy_only=False)
-        ]
+        joined[rows] = np.append(numbers, np.int32(0))[pc.fill_null(own, 0).to_numpy(zero_copy_only=False)]
+
+    numbered = zip(ends, _taken_out(indices), _taken_out(number_of), strict=True)
+    for _ in in_turn(number, numbered, _THREADS):
+        pass
     return pa.DictionaryArray.from_arrays(pa.array(joined, mask=missing), names)
+
+
+def _taken_out(items: list[_Item]) -> Iterator[_Item]:
+    """The items of a list, which nothing holds on to afterwards."""
+    while items:
+        yield items.pop(0)
+
+
+def _dealt(shares: int, part: pa.DictionaryArray) -> tuple[pa.Array, list[pa.StringArray | None], _Codes]:
+    """Indices of a part, its names by shares, and the share of each."""
+    share = _share_of(part.dictionary, shares)
+    return part.indices, [part.dictionary.filter(pa.array(share == own)) for own in range(shares)], share
 
 
 def room_of_names(names: pa.StringArray) -> int:
@@ -68,7 +90,7 @@ def room_of_names(names: pa.StringArray) -> int:
     return 2 * (int(bounds[-1]) - int(bounds[0]) + bounds.nbytes) + bounds.nbytes
 
 
-def _share_of(names: pa.StringArray, shares: int) -> NDArray[np.int32]:
+def _share_of(names: pa.StringArray, shares: int) -> _Codes:
     """The part (n,) to which each name is assigned."""
     share = np.zeros(len(names), dtype=np.int32)
     if shares == 1:
@@ -81,7 +103,7 @@ def _share_of(names: pa.StringArray, shares: int) -> NDArray[np.int32]:
     return share
 
 
-def _mixed(text: NDArray[np.uint8], bounds: NDArray[np.int32]) -> NDArray[np.uint64]:
+def _mixed(text: NDArray[np.uint8], bounds: _Codes) -> NDArray[np.uint64]:
     """A number of 32 bits (n,) that the first characters and the length of each name make."""
     text = np.append(text, np.zeros(_WORD, dtype=np.uint8))
     length = np.diff(bounds)
@@ -95,11 +117,11 @@ def _mixed(text: NDArray[np.uint8], bounds: NDArray[np.int32]) -> NDArray[np.uin
     return mixed >> _HALF
 
 
-def _bounds(names: pa.StringArray) -> NDArray[np.int32]:
+def _bounds(names: pa.StringArray) -> _Codes:
     return np.frombuffer(names.buffers()[1], dtype=np.int32)[names.offset : names.offset + len(names) + 1]
 
 
-def _numbered(dealt: list[list[pa.StringArray | None]], number_of: list[NDArray[np.int32]]) -> pa.StringArray:
+def _numbered(dealt: list[list[pa.StringArray | None]], number_of: list[_Codes]) -> pa.StringArray:
     """All names once; in `number_of` their numbers, for each part. What was looked up is taken from `dealt`.
 
     Raises
@@ -112,10 +134,15 @@ def _numbered(dealt: list[list[pa.StringArray | None]], number_of: list[NDArray[
     # What is not written into takes no memory.
     text, bounds = np.empty(size, dtype=np.uint8), np.zeros(count + 1, dtype=np.int32)
     known, end = 0, 0
-    for share in range(len(dealt[0])):
+
+    def looked_up(share: int) -> pa.DictionaryArray:
         found = pa.concat_arrays([part[share] for part in dealt]).dictionary_encode()
         for part in dealt:
             part[share] = None
+        return found
+
+    # While the names of a share get their numbers, those of the next one are looked up.
+    for share, found in enumerate(in_turn(looked_up, range(len(dealt[0])), threads=1)):
         codes = found.indices.to_numpy()
         taken = 0
         for numbers in number_of:
