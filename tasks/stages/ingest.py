@@ -18,7 +18,6 @@ from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ControlInput, DistancesInput, ExposuresInput, ImagePointsInput
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import OUTSIDE_FORMAT_SHARE
-from tasks.stages.loading import load_meanwhile
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
@@ -67,7 +66,6 @@ def import_exposures(
     from tasks.deliveries.head_certificates import about_head_certificates
     from tasks.tables.parquet import write_table
 
-    load_meanwhile()
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
     columns, extra, notes, paths = _exposures(sources, cameras, frame)
