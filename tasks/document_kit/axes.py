@@ -79,40 +79,29 @@ def tick_texts(ticks: Sequence[float]) -> tuple[str, ...]:
     return tuple(f"{tick + 0.0:{comma}.{decimals}f}".replace("-", "−") for tick in ticks)
 
 
-def horizontal_axis(
-    scale: Scale, top: float, bottom: float, label: str, *, about: int = 8, grid: bool = True
-) -> Markup:
+def horizontal_axis(scale: Scale, top: float, bottom: float, label: str, *, about: int = 8) -> Markup:
     """Ticks, their texts, grid lines up to `top`, and the label under them."""
     ticks = scale.ticks(about)
     places = [scale.at(tick) for tick in ticks]
-    lines = [markup.line(x, top if grid else bottom, x, bottom + 4) for x in places]
+    lines = [markup.line(x, top, x, bottom + 4) for x in places]
     texts = [markup.text(x, bottom + 17, words) for x, words in zip(places, tick_texts(ticks), strict=True)]
     middle = 0.5 * (scale.start + scale.end)
     named = markup.text(middle, bottom + 36, label, css_class="label")
     return markup.group("axis", [*lines, *texts, named])
 
 
-def vertical_axis(
-    scale: Scale, left: float, right: float, label: str, *, about: int = 6, grid: bool = True
-) -> Markup:
+def vertical_axis(scale: Scale, left: float, right: float, label: str, *, about: int = 6) -> Markup:
     """Ticks, their texts, grid lines to `right`, and the label turned next to them."""
     ticks = scale.ticks(about)
     places = [scale.at(tick) for tick in ticks]
-    lines = [markup.line(left - 4, y, right if grid else left, y) for y in places]
+    lines = [markup.line(left - 4, y, right, y) for y in places]
     words = tick_texts(ticks)
     texts = [markup.text(left - 8, y + 4, word, "end") for y, word in zip(places, words, strict=True)]
     middle = 0.5 * (scale.start + scale.end)
     x = left - 14 - 7 * max((len(word) for word in words), default=1)
-    attributes: dict[str, markup.Attribute] = {
-        "transform": f"translate({markup.number(x)} {markup.number(middle)}) rotate(-90)",
-        "text-anchor": "middle",
-        "class": "label",
-    }
-    return markup.group("axis", [*lines, *texts, markup.element("text", attributes, label)])
+    return markup.group("axis", [*lines, *texts, markup.turned_text(x, middle, label, css_class="label")])
 
 
 def frame(left: float, top: float, right: float, bottom: float) -> Markup:
     """The border of a plot."""
-    return markup.element(
-        "rect", {"class": "frame", "x": left, "y": top, "width": right - left, "height": bottom - top}
-    )
+    return markup.element("rect", css="frame", x=left, y=top, width=right - left, height=bottom - top)

@@ -13,7 +13,6 @@ from markupsafe import Markup
 from tasks.document_kit import markup
 from tasks.document_kit.axes import round_length
 from tasks.document_kit.legend import arrow_scale
-from tasks.document_kit.markup import Attribute
 
 _LONGEST_ARROW = 46.0
 
@@ -59,9 +58,9 @@ def arrows(row: Mapping[Hashable, Any], place: tuple[float, float], scale: Arrow
     dx, dy, dz = (float(np.nan_to_num(float(row[f"{name}_m"]))) * scale.unit for name in ("dx", "dy", "dz"))
     drawn = []
     if dx or dy:
-        drawn.append(markup.element("path", {"class": "plan", "d": markup.arrow(*place, dx, -dy)}))
+        drawn.append(markup.element("path", css="plan", d=markup.arrow(*place, dx, -dy)))
     if dz:
-        drawn.append(markup.element("path", {"class": "height", "d": markup.arrow(*place, 0.0, -dz)}))
+        drawn.append(markup.element("path", css="height", d=markup.arrow(*place, 0.0, -dz)))
     return drawn
 
 
@@ -71,7 +70,6 @@ def symbol(place: tuple[float, float], is_check: bool, took_part: bool, words: s
     named = [markup.title(words)] if words else []
     css = "point" if took_part else "point hollow"
     if is_check:
-        circle: dict[str, Attribute] = {"class": css, "cx": x, "cy": y, "r": 5.0}
-        return markup.element("circle", circle, *named)
+        return markup.circle(x, y, 5.0, *named, css=css)
     data = markup.path_of(np.array([x, x + 6, x - 6]), np.array([y - 7, y + 4.5, y + 4.5]), closed=True)
-    return markup.element("path", {"class": css, "d": data}, *named)
+    return markup.element("path", *named, css=css, d=data)

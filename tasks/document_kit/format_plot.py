@@ -72,4 +72,4 @@ class FormatPlot:
             markup.arrow(self.x.at(x), self.y.at(y), dx, -dy, 4.0)
             for (x, y), (dx, dy) in zip(at_mm.tolist(), vectors.tolist(), strict=True)
         )
-        return markup.element("path", {"class": css_class, "d": data}) if data else Markup("")
+        return markup.element("path", css=css_class, d=data) if data else Markup("")

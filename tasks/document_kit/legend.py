@@ -37,8 +37,7 @@ def swatches(
         needed = 26 + _GLYPH * len(entry.words)
         if at + needed > x + width and at > x:
             at, y = x, y + ROW
-        square: dict[str, markup.Attribute] = {"x": at, "y": y + 1, "width": 13, "height": 12}
-        parts.append(markup.element("rect", square | {"fill": entry.colour, "class": "swatch"}))
+        parts.append(markup.rectangle(at, y + 1, 13, 12, fill=entry.colour, css="swatch"))
         parts.append(markup.text(at + 18, y + 11, entry.words, "start"))
         at += needed
     return markup.group("legend", parts), y + ROW
@@ -49,7 +48,7 @@ def arrow_scale(
 ) -> Markup:
     """An arrow of known length with its meaning."""
     dx, dy = (0.0, -length) if upright else (length, 0.0)
-    drawn = markup.element("path", {"class": css_class, "d": markup.arrow(x, y, dx, dy)})
+    drawn = markup.element("path", css=css_class, d=markup.arrow(x, y, dx, dy))
     return markup.group(
         "legend", [drawn, markup.text(x + abs(dx) + 8, y - 4 if upright else y + 4, words, "start")]
     )

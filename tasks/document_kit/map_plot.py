@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from markupsafe import Markup
 from adjust.arrays import Floats
 from tasks.document_kit import axes
 from tasks.document_kit.axes import Scale
+from tasks.document_kit.legend import Swatch, swatches
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 78.0, 12.0, 10.0, 44.0
 _TALLEST = 760.0
@@ -49,6 +51,11 @@ class MapPlot:
     def bottom(self) -> float:
         """Height below the axis and its label."""
         return self.y.start + _BOTTOM
+
+    def legend(self, heading: str, entries: Sequence[Swatch], y: float | None = None) -> tuple[Markup, float]:
+        """A legend from `y` on, by default below the axes, and where it ends."""
+        below = self.bottom + 6 if y is None else y
+        return swatches(self.x.start, below, heading, entries, axes.WIDTH - self.x.start - 10)
 
     def axes(self) -> Markup:
         """Border, ticks and labels of both axes."""

@@ -80,7 +80,7 @@ def cells(
                 rectangle = f"M{across[first]},{up[row]}V{up[row + 1]}H{across[behind]}V{up[row]}z"
                 data[values[first]].append(rectangle)
     groups = [
-        markup.element("path", {"fill": colour, "d": "".join(rectangles)}, markup.title(words))
+        markup.element("path", markup.title(words), fill=colour, d="".join(rectangles))
         for colour, rectangles, words in zip(colours, data, titles, strict=True)
         if rectangles
     ]
@@ -99,6 +99,14 @@ class Classes:
 
     bounds: tuple[float, ...]
     words: tuple[str, ...]
+
+    @classmethod
+    def between(cls, bounds: Floats, step: float) -> Classes:
+        """Classes between bounds in multiples of a step, with as many digits as it needs."""
+        decimals = max(0, int(np.ceil(-np.log10(step) - 1e-9)))
+        texts = [f"{bound:.{decimals}f}" for bound in bounds]
+        inner = (f"{a}–{b}" for a, b in pairwise(texts))
+        return cls(tuple(map(float, bounds)), (f"< {texts[0]}", *inner, f"≥ {texts[-1]}"))
 
     def of(self, values: Floats) -> Ints:
         """Class of each value, −1 for NaN."""

@@ -8,8 +8,13 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 
+def rendered(template: str, *folders: Path, **content: object) -> str:
+    """A page made from a template of these folders, which it may include others from."""
+    return _templates(*folders).get_template(template).render(content)
+
+
 @cache
-def templates(*folders: Path) -> Environment:
+def _templates(*folders: Path) -> Environment:
     """Templates of some folders; the first folder that has a name decides."""
     return Environment(
         loader=FileSystemLoader(folders),

@@ -282,15 +282,14 @@ def strip_beside_its_line(strip: pd.DataFrame, plot: MapPlot, colour: str) -> Ma
     x, y = x - BESIDE * ahead[1], y + BESIDE * ahead[0]
     order = np.argsort(x * ahead[0] + y * ahead[1], kind="stable")
     x, y = x[order], y[order]
-    style: dict[str, markup.Attribute] = {"class": "flown", "stroke": colour}
     drawn = []
     if len(x) > 1 or np.isfinite(ahead).all():
         end = np.array([x[-1] + 1.2 * _HEAD * ahead[0], y[-1] + 1.2 * _HEAD * ahead[1]])
         line = markup.path_of(np.append(x, end[0]), np.append(y, end[1]))
-        drawn.append(markup.element("path", {**style, "d": line}))
-        drawn.append(markup.element("path", {"fill": colour, "d": _head(end, ahead)}))
+        drawn.append(markup.element("path", css="flown", stroke=colour, d=line))
+        drawn.append(markup.element("path", fill=colour, d=_head(end, ahead)))
     for a, b in zip(x, y, strict=True):
-        drawn.append(markup.element("circle", {"cx": float(a), "cy": float(b), "r": "1.5", "fill": colour}))
+        drawn.append(markup.circle(float(a), float(b), 1.5, fill=colour))
     return markup.group("flown-strip", drawn)
 
 
@@ -323,8 +322,9 @@ def _legend(material: CertificateMaterial, points: pd.DataFrame, x: float, y: fl
         height = heights[int(str(level))] if heights else float((own["z_m"] - own["ground_m"]).median())
         words = f"{height:,.0f} m: {own['strip'].nunique()} strips, {len(own)} images"
         colour = palette.category(int(str(level)))
-        line = {"class": "flown", "stroke": colour, "d": f"M{markup.number(x)},{markup.number(y)}h26"}
-        parts += [markup.element("path", line), markup.text(x + 34, y + 4, words, "start")]
+        line = f"M{markup.number(x)},{markup.number(y)}h26"
+        parts += [markup.element("path", css="flown", stroke=colour, d=line)]
+        parts += [markup.text(x + 34, y + 4, words, "start")]
         x += 60 + 6.8 * len(words)
     for is_check, words in ((False, "control point"), (True, "check point")):
         if (points["is_check"] == is_check).any():

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from tasks.document_kit import markup, palette
+from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.table import Number
 from tasks.documents.certificate.content import Block, Fact, Facts, Figure, Listing, Section, Words
 from tasks.documents.certificate.effect_section import cut_to_format
@@ -220,19 +220,13 @@ def _principal_point_um(material: CertificateMaterial) -> tuple[float, float]:
 
 
 def _format(frame: _Frame) -> Markup:
-    x, y = frame.middle
-    box = {
-        "x": x - frame.half[0],
-        "y": y - frame.half[1],
-        "width": 2.0 * frame.half[0],
-        "height": 2.0 * frame.half[1],
-    }
-    return markup.element("rect", {**box, "class": "frame"})
+    (x, y), (half_x, half_y) = frame.middle, frame.half
+    return axes.frame(x - half_x, y - half_y, x + half_x, y + half_y)
 
 
 def _arrow(x: float, y: float, dx: float, dy: float, colour: str, width: str = "1.6") -> Markup:
     path = markup.arrow(x, y, dx, dy, 9.0)
-    return markup.element("path", {"d": path, "stroke": colour, "stroke-width": width, "fill": "none"})
+    return markup.element("path", d=path, stroke=colour, stroke_width=width, fill="none")
 
 
 def _pixels(frame: _Frame, columns: int, rows: int) -> Markup:
@@ -242,7 +236,7 @@ def _pixels(frame: _Frame, columns: int, rows: int) -> Markup:
     return markup.group(
         "pixels",
         [
-            markup.element("circle", {"cx": left, "cy": top, "r": "3.2", "fill": ink}),
+            markup.circle(left, top, 3.2, fill=ink),
             markup.text(left + 6, top + 17, "pixel (0, 0)", "start"),
             _arrow(left, top - 10, 70, 0, ink),
             markup.text(left + 76, top - 6, f"column, {columns:,}", "start"),
@@ -264,7 +258,7 @@ def _axes(frame: _Frame, x0: float) -> Markup:
             markup.text(x + long * frame.half[0] + 8, y + 5, "x", "start", "halo"),
             _arrow(x, y, 0, -long * frame.half[1], blue, "2.2"),
             markup.text(x - 4, y - long * frame.half[1] - 8, "y", "middle", "halo"),
-            markup.element("circle", {"cx": x, "cy": y, "r": "3.2", "fill": blue}),
+            markup.circle(x, y, 3.2, fill=blue),
             # On the side where the principal point is not.
             markup.text(x + beside, y + 18, "format centre", "end" if x0 >= 0.0 else "start"),
         ],
@@ -282,7 +276,7 @@ def _principal_point(frame: _Frame, x0_y0_um: tuple[float, float]) -> Markup:
     return markup.group(
         "principal-point",
         [
-            markup.element("path", {"d": cross, "stroke": colour, "stroke-width": "2.2", "fill": "none"}),
+            markup.element("path", d=cross, stroke=colour, stroke_width="2.2", fill="none"),
             markup.text(frame.middle[0], below, "+ principal point", "middle"),
             markup.text(frame.middle[0], below + 17, f"x0 {x0} µm, y0 {y0} µm", "middle"),
         ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tasks.document_kit.templates import templates
+from tasks.document_kit.templates import rendered
 from tasks.documents.certificate.content import CertificateContent
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 
@@ -14,4 +14,4 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def page_of(content: CertificateContent) -> str:
     """The certificate as a page."""
-    return templates(TEMPLATES, REPORT_TEMPLATES).get_template("certificate.html.j2").render(content=content)
+    return rendered("certificate.html.j2", TEMPLATES, REPORT_TEMPLATES, content=content)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +13,12 @@ from tasks.block.strip_names import strip_names
 from tasks.coordinates.crs import MapFrame
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale, tick_step
+from tasks.document_kit.chart import BAR, LEFT, RIGHT, TOP, bars, chart
 from tasks.document_kit.difference_arrows import ArrowScale, arrows, symbol
-from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.legend import Swatch
 from tasks.document_kit.map_plot import MapPlot
 from tasks.document_kit.raster import Classes
-from tasks.document_kit.templates import templates
+from tasks.document_kit.templates import rendered
 from tasks.documents.georeferencing import check_tables
 from tasks.documents.georeferencing.material import CheckMaterial
 from tasks.documents.georeferencing.verdict import verdict
@@ -46,20 +46,18 @@ def render(material: CheckMaterial, name: str, files: Sequence[str], software: M
         files_table(project, files),
         versions_table(software),
     )
-    page: str = (
-        templates(_TEMPLATES, REPORT_TEMPLATES)
-        .get_template("georeferencing_check.html.j2")
-        .render(
-            name=name,
-            frame=MapFrame.of(project.project.crs, project.project.heights).description,
-            verdict=verdict(material),
-            problems=material.summary.problems,
-            figures=material.figures,
-            tables={table.name: table for table in tables},
-            plots=_plots(material),
-        )
+    return rendered(
+        "georeferencing_check.html.j2",
+        _TEMPLATES,
+        REPORT_TEMPLATES,
+        name=name,
+        frame=MapFrame.of(project.project.crs, project.project.heights).description,
+        verdict=verdict(material),
+        problems=material.summary.problems,
+        figures=material.figures,
+        tables={table.name: table for table in tables},
+        plots=_plots(material),
     )
-    return page
 
 
 def _plots(material: CheckMaterial) -> dict[str, Markup]:
@@ -124,11 +122,7 @@ def _strips(material: CheckMaterial, plot: MapPlot) -> Markup:
         x, y = (scale.of(ordered[c].to_numpy(np.float64)) for scale, c in ((plot.x, "x_m"), (plot.y, "y_m")))
         path = markup.path_of(x, y)
         lines.append(
-            markup.element(
-                "path",
-                {"class": "track", "d": path, "stroke": palette.FAINT},
-                markup.title(f"strip {name}"),
-            )
+            markup.element("path", markup.title(f"strip {name}"), css="track", d=path, stroke=palette.FAINT)
         )
     return markup.group("strips", lines)
 
@@ -163,10 +157,9 @@ def parallax_map(material: CheckMaterial) -> Markup:
         for i in np.flatnonzero(classes.of(rms) == index):
             data = markup.path_of(x[i], y[i])
             named = [markup.title(titles[i])] if len(models) <= _MOST_TITLES else []
-            strokes.append(markup.element("path", {"class": "model", "stroke": colour, "d": data}, *named))
+            strokes.append(markup.element("path", *named, css="model", stroke=colour, d=data))
     entries = [Swatch(colour, words) for colour, words in zip(colours, classes.words, strict=True)]
-    room = axes.WIDTH - plot.x.start - 10
-    legend, bottom = swatches(plot.x.start, plot.bottom + 6, "RMS [µm]", entries, room)
+    legend, bottom = plot.legend("RMS [µm]", entries)
     drawn = markup.group("models", strokes)
     return markup.svg(axes.WIDTH, bottom + 6, "Map of the y-parallaxes", plot.axes(), drawn, legend)
 
@@ -186,11 +179,7 @@ def parallax_classes(values: Floats) -> Classes:
     """Classes of round width over the values (n,); the outermost ones are open."""
     step = tick_step(float(np.ptp(values)) or float(np.max(values)) or 1.0, _ABOUT_CLASSES)
     first, last = int(np.floor(values.min() / step)) + 1, int(np.ceil(values.max() / step))
-    bounds = [index * step for index in range(first, max(last, first + 1))]
-    decimals = max(0, int(np.ceil(-np.log10(step) - 1e-9)))
-    texts = [f"{bound:.{decimals}f}" for bound in bounds]
-    between = [f"{a}–{b}" for a, b in pairwise(texts)]
-    return Classes(tuple(bounds), (f"< {texts[0]}", *between, f"≥ {texts[-1]}"))
+    return Classes.between(step * np.arange(first, max(last, first + 1), dtype=np.float64), step)
 
 
 def parallax_histogram(material: CheckMaterial) -> Markup:
@@ -203,32 +192,20 @@ def parallax_histogram(material: CheckMaterial) -> Markup:
     width = 2.0 * limit / _BINS
     at = np.linspace(-limit, limit, 241)
     curve = len(values) * width * _mixture(at, sigma)
-    top, bottom, left, right = 10.0, 270.0, 78.0, axes.WIDTH - 12.0
-    x = Scale(-limit, limit, left, right)
-    y = Scale(0.0, 1.06 * max(float(counts.max()), float(curve.max()), 1.0), bottom, top)
-    bars = "".join(
-        f"M{markup.number(x.at(float(edge)))},{markup.number(bottom)}V{markup.number(y.at(float(count)))}"
-        f"h{markup.number(width * x.unit - 1)}V{markup.number(bottom)}z"
-        for edge, count in zip(edges[:-1], counts, strict=True)
-        if count > 0
-    )
-    bar = "#b5d6e5"
-    entries = [
-        Swatch(bar, f"{len(values):,} y-parallaxes"),
-        Swatch(palette.ACCENT, "expected from the predicted σ"),
-    ]
-    legend, end = swatches(left, bottom + 48, "y-parallaxes", entries, right - left)
-    path = markup.path_of(x.of(at), y.of(curve))
-    return markup.svg(
-        axes.WIDTH,
-        end + 4,
+    x = Scale(-limit, limit, LEFT, RIGHT)
+    y = Scale(0.0, 1.06 * max(float(counts.max()), float(curve.max()), 1.0), 270.0, TOP)
+    return chart(
         "Histogram of the y-parallaxes",
-        axes.horizontal_axis(x, top, bottom, "y-parallax [µm]", about=10),
-        axes.vertical_axis(y, left, right, "number in a bar"),
-        markup.element("path", {"fill": bar, "d": bars}),
-        markup.element("path", {"class": "curve", "stroke": palette.ACCENT, "d": path}),
-        axes.frame(left, top, right, bottom),
-        legend,
+        x,
+        y,
+        ("y-parallax [µm]", "number in a bar"),
+        (bars(x, y, edges, counts), markup.curve(x.of(at), y.of(curve), palette.ACCENT)),
+        [
+            Swatch(BAR, f"{len(values):,} y-parallaxes"),
+            Swatch(palette.ACCENT, "expected from the predicted σ"),
+        ],
+        "y-parallaxes",
+        about=10,
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from tasks.document_kit.table import Table
-from tasks.document_kit.templates import templates
+from tasks.document_kit.templates import rendered
 from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial
 from tasks.documents.image_quality.quality_tables import (
@@ -48,20 +48,18 @@ def render(material: QualityMaterial, name: str, software: Mapping[str, str]) ->
         tables.append(motion_table(material.motion))
     if sensor is not None:
         tables += [sheet_table(sensor), pixel_table(sensor), column_table(sensor), transfer_table(sensor)]
-    page: str = (
-        templates(_TEMPLATES, REPORT_TEMPLATES)
-        .get_template("image_quality.html.j2")
-        .render(
-            name=name,
-            line=_line(scenes),
-            verdict=" ".join(_verdicts(material)),
-            problems=material.problems,
-            tables={table.name: table for table in tables},
-            plots=_plots(material),
-            edge_maps={} if scenes is None else plots.edge_maps(scenes),
-        )
+    return rendered(
+        "image_quality.html.j2",
+        _TEMPLATES,
+        REPORT_TEMPLATES,
+        name=name,
+        line=_line(scenes),
+        verdict=" ".join(_verdicts(material)),
+        problems=material.problems,
+        tables={table.name: table for table in tables},
+        plots=_plots(material),
+        edge_maps={} if scenes is None else plots.edge_maps(scenes),
     )
-    return page
 
 
 def _line(scenes: SceneMaterial | None) -> str:

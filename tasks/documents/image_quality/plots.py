@@ -11,12 +11,12 @@ import pandas as pd
 from markupsafe import Markup
 
 from adjust.arrays import Floats
-from tasks.document_kit import axes, markup, palette
+from tasks.document_kit import markup, palette
 from tasks.document_kit.axes import Scale
-from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.chart import LEFT, RIGHT, TOP, chart
+from tasks.document_kit.legend import Swatch
 from tasks.documents.image_quality.material import SceneMaterial, SensorMaterial
 
-_LEFT, _TOP, _RIGHT = 78.0, 10.0, axes.WIDTH - 12.0
 _CLASSES = 6
 _HIGHEST = 620.0
 _RINGS = 20
@@ -31,24 +31,22 @@ def edge_maps(material: SceneMaterial) -> dict[int, Markup]:
 def _edge_map(size: tuple[int, int], band: int, edges: pd.DataFrame) -> Markup:
     """Every edge at its place in the format, in its direction, coloured by its factor."""
     columns, rows = size
-    unit = min((_RIGHT - _LEFT) / columns, _HIGHEST / rows)
-    x = Scale(0.0, columns, _LEFT, _LEFT + columns * unit)
-    y = Scale(0.0, rows, _TOP, _TOP + rows * unit)
+    unit = min((RIGHT - LEFT) / columns, _HIGHEST / rows)
+    x = Scale(0.0, columns, LEFT, LEFT + columns * unit)
+    y = Scale(0.0, rows, TOP, TOP + rows * unit)
     limits = _limits(edges["factor"].to_numpy(np.float64))
     colours = palette.sequence(_CLASSES)
     lines = [_edge(row, x, y, colours[_class_of(row["factor"], limits)]) for _, row in edges.iterrows()]
     words = [f"{low:.2f} – {high:.2f}" for low, high in pairwise(limits)]
     entries = [Swatch(colour, text) for colour, text in zip(colours, words, strict=True)]
-    legend, end = swatches(_LEFT, y.end + 48, f"factor, band {band}", entries, _RIGHT - _LEFT)
-    return markup.svg(
-        axes.WIDTH,
-        end + 6,
+    return chart(
         f"Edges of band {band} over the format by their factor of effective resolution",
-        axes.horizontal_axis(x, y.start, y.end, "column [px]"),
-        axes.vertical_axis(y, x.start, x.end, "row [px]"),
-        axes.frame(x.start, y.start, x.end, y.end),
-        markup.group(f"edges-{band}", lines),
-        legend,
+        x,
+        y,
+        ("column [px]", "row [px]"),
+        [markup.group(f"edges-{band}", lines)],
+        entries,
+        f"factor, band {band}",
     )
 
 
@@ -68,8 +66,8 @@ def _edge(row: pd.Series, x: Scale, y: Scale, colour: str) -> Markup:
     dx, dy = -7.0 * np.sin(normal), 7.0 * np.cos(normal)
     place = f"{row['image']}, band {row['band']}, edge {row['edge']}"
     words = f"{place}: {row['factor']:.3f} ± {row['sigma_factor']:.3f}"
-    ends: dict[str, markup.Attribute] = {"x1": at - dx, "y1": down - dy, "x2": at + dx, "y2": down + dy}
-    return markup.element("line", ends | {"stroke": colour, "stroke-width": 3}, markup.title(words))
+    ends = at - dx, down - dy, at + dx, down + dy
+    return markup.line(*ends, markup.title(words), stroke=colour, stroke_width=3)
 
 
 def response_plot(material: SceneMaterial) -> Markup:
@@ -82,8 +80,8 @@ def response_plot(material: SceneMaterial) -> Markup:
     top = max(1.05, *(float(values.max()) for _, _, values in curves))
     return _curves(
         curves,
-        Scale(0.0, 1.0, _LEFT, _RIGHT),
-        Scale(0.0, top, 300.0, _TOP),
+        Scale(0.0, 1.0, LEFT, RIGHT),
+        Scale(0.0, top, 300.0, TOP),
         "spatial frequency [cycles/px]; 0.5: Nyquist",
         "response",
     )
@@ -110,8 +108,8 @@ def _by_band(table: pd.DataFrame, columns: tuple[str, str], words: tuple[str, st
     top = 1.1 * max(float(y.max()) for _, _, y in curves)
     return _curves(
         curves,
-        Scale(0.0, 1.02 * max(right, 1.0), _LEFT, _RIGHT),
-        Scale(0.0, max(top, 1e-6), 300.0, _TOP),
+        Scale(0.0, 1.02 * max(right, 1.0), LEFT, RIGHT),
+        Scale(0.0, max(top, 1e-6), 300.0, TOP),
         *words,
     )
 
@@ -134,8 +132,8 @@ def aperture_plot(sensor: SensorMaterial) -> Markup:
         curves.append((f"band {band}", middle, light / number[known]))
     return _curves(
         curves,
-        Scale(0.0, 1.0, _LEFT, _RIGHT),
-        Scale(0.0, max(1.05, *(float(values.max()) for _, _, values in curves)), 300.0, _TOP),
+        Scale(0.0, 1.0, LEFT, RIGHT),
+        Scale(0.0, max(1.05, *(float(values.max()) for _, _, values in curves)), 300.0, TOP),
         "distance from the middle / half the diagonal",
         "light / light in the middle",
     )
@@ -144,22 +142,7 @@ def aperture_plot(sensor: SensorMaterial) -> Markup:
 def _curves(
     curves: Sequence[tuple[str, Floats, Floats]], x: Scale, y: Scale, along: str, upwards: str
 ) -> Markup:
-    entries = [Swatch(palette.category(k), words) for k, (words, _, _) in enumerate(curves)]
-    legend, end = swatches(_LEFT, y.start + 48, "", entries, _RIGHT - _LEFT)
-    paths = [
-        markup.element(
-            "path",
-            {"class": "curve", "stroke": palette.category(k), "d": markup.path_of(x.of(at), y.of(values))},
-        )
-        for k, (_, at, values) in enumerate(curves)
-    ]
-    return markup.svg(
-        axes.WIDTH,
-        end + 6,
-        f"{upwards} against {along}",
-        axes.horizontal_axis(x, y.end, y.start, along),
-        axes.vertical_axis(y, x.start, x.end, upwards),
-        axes.frame(x.start, y.end, x.end, y.start),
-        *paths,
-        legend,
-    )
+    coloured = [(palette.category(k), *curve) for k, curve in enumerate(curves)]
+    drawn = (markup.curve(x.of(at), y.of(values), colour) for colour, _, at, values in coloured)
+    entries = [Swatch(colour, words) for colour, words, _, _ in coloured]
+    return chart(f"{upwards} against {along}", x, y, (along, upwards), drawn, entries)

@@ -13,7 +13,7 @@ from adjust.arrays import Floats
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.difference_arrows import ArrowScale, arrows, length_words, symbol
 from tasks.document_kit.footprints import footprints, overlap
-from tasks.document_kit.legend import Swatch, arrow_scale, swatches
+from tasks.document_kit.legend import Swatch, arrow_scale
 from tasks.document_kit.map_plot import MapPlot
 from tasks.document_kit.raster import Classes, Raster, cells
 from tasks.documents.report.causes import Cause
@@ -48,7 +48,7 @@ def position_arrows(found: pd.DataFrame, scale: ArrowScale, plot: MapPlot, y: fl
     length = scale.length_m * scale.unit
     words = f"{length_words(scale.length_m)} in plan, adjusted − GNSS position"
     legend = arrow_scale(plot.x.start, y + 10, length, words, "gnss")
-    arrows = markup.element("path", {"class": "gnss", "d": data})
+    arrows = markup.element("path", css="gnss", d=data)
     return markup.group("positions", [arrows, legend])
 
 
@@ -84,9 +84,8 @@ def block_map(material: Material, found: Sequence[Cause] = ()) -> Markup:
     )
     plot = MapPlot.over(everything[:, 0], everything[:, 1])
     covered, entries = _overlap(corners, known, plot)
-    y = plot.bottom + 6
     parts = [covered, plot.axes(), _outlines(images, corners, plot), _strips(images, plot)]
-    legend, y = swatches(plot.x.start, y, "images that see the ground", entries, _room(plot))
+    legend, y = plot.legend("images that see the ground", entries)
     parts += [legend]
     of_positions = position_differences(material, images)
     scale = ArrowScale.of(pd.concat([surveyed, of_positions], ignore_index=True))
@@ -98,7 +97,7 @@ def block_map(material: Material, found: Sequence[Cause] = ()) -> Markup:
         parts.append(drawn)
     rings = _rings(images, surveyed, found, plot)
     if rings:
-        legend, y = swatches(plot.x.start, y, "", [Swatch(_RING, "ring: cause named above")], _room(plot))
+        legend, y = plot.legend("", [Swatch(_RING, "ring: cause named above")], y)
         parts += [markup.group("rings", rings), legend]
     return markup.svg(axes.WIDTH, y + 8, "Map of the block", *parts)
 
@@ -122,18 +121,11 @@ def _rings(
         if len(own) > _MOST_RINGS:
             continue
         for place in pd.concat([own, points])[["x_m", "y_m"]].to_numpy(np.float64):
-            at: dict[str, markup.Attribute] = {
-                "class": "ring", "cx": plot.x.at(place[0]), "cy": plot.y.at(place[1]), "r": 11.0,
-            }  # fmt: skip
-            if cause.place not in named:
-                named.add(cause.place)
-                at["id"] = ring_id(found, cause)
-            parts.append(markup.element("circle", at, markup.title(f"look at {cause.place}")))
+            own_id = {} if cause.place in named else {"id": ring_id(found, cause)}
+            named.add(cause.place)
+            x, y, words = plot.x.at(place[0]), plot.y.at(place[1]), markup.title(f"look at {cause.place}")
+            parts.append(markup.circle(x, y, 11.0, words, css="ring", **own_id))
     return parts
-
-
-def _room(plot: MapPlot) -> float:
-    return axes.WIDTH - plot.x.start - 10
 
 
 def _overlap(corners: Floats, known: Floats, plot: MapPlot) -> tuple[Markup, list[Swatch]]:
@@ -184,7 +176,7 @@ def _outlines(images: pd.DataFrame, corners: Floats, plot: MapPlot) -> Markup:
         if np.isfinite(corner).all()
     )
     opacity = f"{np.clip(6.0 / np.sqrt(len(images)), 0.1, 0.5):.2f}"
-    return markup.element("path", {"class": "footprint", "stroke-opacity": opacity, "d": data})
+    return markup.element("path", css="footprint", stroke_opacity=opacity, d=data)
 
 
 def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
@@ -196,20 +188,16 @@ def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
     for index, (name, strip) in enumerate(strips):
         colour = palette.category(index)
         x, y = plot.x.of(strip["x_m"].to_numpy()), plot.y.of(strip["y_m"].to_numpy())
-        drawn = (
-            [markup.element("path", {"class": "track", "d": markup.path_of(x, y), "stroke": colour})]
-            if name
-            else []
-        )
+        drawn = [markup.element("path", css="track", d=markup.path_of(x, y), stroke=colour)] if name else []
         triangles = _triangles(x, y, strip["heading_deg"].to_numpy(np.float64), size)
         if len(images) <= _MOST_NAMED:
             drawn += [
-                markup.element("path", _look(triangle, colour, hollow=hollow), markup.title(title))
+                markup.element("path", markup.title(title), **_look(triangle, colour, hollow=hollow))
                 for triangle, title, hollow in zip(triangles, _titles(strip), strip["rejected"], strict=True)
             ]
         else:
             data = {"d": "".join(triangles), "fill": colour}
-            drawn.append(markup.element("path", data, markup.title(f"strip {name}")))
+            drawn.append(markup.element("path", markup.title(f"strip {name}"), **data))
         if name and len(strips) <= _MOST_STRIP_NAMES:
             drawn.append(_strip_name(str(name), x, y))
         parts.append(markup.group("strip", drawn))
@@ -219,7 +207,7 @@ def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
 def _look(triangle: str, colour: str, *, hollow: bool) -> dict[str, markup.Attribute]:
     """Attributes of the triangle of an image; hollow if its position or attitude was rejected."""
     if hollow:
-        return {"class": "left-out", "d": triangle, "fill": "#fff", "style": f"stroke: {colour}"}
+        return {"css": "left-out", "d": triangle, "fill": "#fff", "style": f"stroke: {colour}"}
     return {"d": triangle, "fill": colour}
 
 

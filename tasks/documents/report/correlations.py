@@ -102,15 +102,12 @@ def _cells(left: float, top: float, side: float, values: Floats, names: Sequence
             length = markup.number(size)
             square = f"M{markup.number(x)},{markup.number(y)}h{length}v{length}h-{length}z"
             silent.setdefault(palette.signed(round(value / 0.05) * 0.05), []).append(square)
-    paths = [
-        markup.element("path", {"fill": colour, "d": "".join(squares)}) for colour, squares in silent.items()
-    ]
+    paths = [markup.element("path", fill=colour, d="".join(squares)) for colour, squares in silent.items()]
     return [*paths, *told]
 
 
 def _told_cell(x: float, y: float, size: float, value: float, words: str) -> Markup:
-    square: dict[str, markup.Attribute] = {"x": x, "y": y, "width": size, "height": size}
-    parts = [markup.element("rect", square | {"fill": palette.signed(value)}, markup.title(words))]
+    parts = [markup.rectangle(x, y, size, size, markup.title(words), fill=palette.signed(value))]
     if size >= _LEAST_WITH_NUMBER - 1.0:
         css = "inverse" if abs(value) > 0.6 else ""
         shown = f"{value:.2f}".replace("-0.00", "0.00").replace("-", "−")
@@ -152,8 +149,8 @@ def _key(left: float, top: float) -> Markup:
     """Colours from −1 to 1."""
     parts = []
     for step, value in enumerate(np.linspace(-1.0, 1.0, 9)):
-        box: dict[str, markup.Attribute] = {"x": left + step * 30, "y": top, "width": 30, "height": 12}
-        parts.append(markup.element("rect", box | {"fill": palette.signed(float(value)), "class": "swatch"}))
+        colour = palette.signed(float(value))
+        parts.append(markup.rectangle(left + step * 30, top, 30, 12, fill=colour, css="swatch"))
     parts += [
         markup.text(left + 30 * (4 + 4 * v) + 15, top + 26, f"{v:g}".replace("-", "−")) for v in (-1, 0, 1)
     ]

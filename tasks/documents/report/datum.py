@@ -64,10 +64,8 @@ def datum_plot(material: Material) -> Markup | None:
             width = share * (right - left)
             if width <= 0.0:
                 continue
-            bar: dict[str, markup.Attribute] = {"x": x, "y": y, "width": width, "height": height}
-            words = f"{figure.direction}: {group_words(name)} {share:.1%}"
-            colour = {"fill": palette.category(index)}
-            parts.append(markup.element("rect", bar | colour, markup.title(words)))
+            words = markup.title(f"{figure.direction}: {group_words(name)} {share:.1%}")
+            parts.append(markup.rectangle(x, y, width, height, words, fill=palette.category(index)))
             if width > 40.0:
                 parts.append(markup.text(x + 0.5 * width, y + 15, f"{share:.0%}", css_class="inverse"))
             x += width

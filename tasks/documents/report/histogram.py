@@ -7,9 +7,10 @@ from markupsafe import Markup
 from scipy import special
 
 from adjust.arrays import Floats
-from tasks.document_kit import axes, markup, palette
+from tasks.document_kit import markup, palette
 from tasks.document_kit.axes import Scale
-from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.chart import BAR, LEFT, RIGHT, TOP, bars, chart
+from tasks.document_kit.legend import Swatch
 from tasks.document_kit.table import Column, Row, Table, numbers, text_column
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.quantities import group_words
@@ -45,43 +46,27 @@ def histogram_plot(material: Material) -> Markup:
     curves = [
         len(values) * width * np.exp(-0.5 * (at / s) ** 2) / (s * np.sqrt(2 * np.pi)) for s in (1.0, spread)
     ]
-    top, bottom, left, right = 10.0, 290.0, 78.0, axes.WIDTH - 12.0
-    x = Scale(-_LIMIT, _LIMIT, left, right)
-    y = Scale(0.0, 1.06 * max(1.0, float(counts.max()), *(float(c.max()) for c in curves)), bottom, top)
-    bars = "".join(
-        f"M{markup.number(x.at(-_LIMIT + i * width))},{markup.number(bottom)}"
-        f"V{markup.number(y.at(count))}h{markup.number(width * x.unit - 1)}V{markup.number(bottom)}z"
-        for i, count in enumerate(counts)
-        if count > 0
-    )
-    bar, normal, own = "#b5d6e5", palette.INK, palette.ACCENT
-    legend, end = swatches(
-        left,
-        bottom + 48,
-        "image coordinates",
+    x = Scale(-_LIMIT, _LIMIT, LEFT, RIGHT)
+    y = Scale(0.0, 1.06 * max(1.0, float(counts.max()), *(float(c.max()) for c in curves)), 290.0, TOP)
+    colours = (palette.INK, palette.ACCENT)
+    beyond_words = markup.title(f"{beyond:,} beyond ±{_LIMIT:g}")
+    return chart(
+        "Histogram of standardized residuals",
+        x,
+        y,
+        ("standardized residual w (outermost bars: all larger values)", "number in a bar"),
+        (
+            bars(x, y, np.linspace(-_LIMIT, _LIMIT, _BINS + 1), counts, beyond_words),
+            *(markup.curve(x.of(at), y.of(own), c) for c, own in zip(colours, curves, strict=True)),
+        ),
         [
-            Swatch(bar, f"{len(values):,} standardized residuals"),
-            Swatch(normal, "normal curve, σ = 1"),
-            Swatch(own, f"normal curve, σ = {spread:.2f}"),
+            Swatch(BAR, f"{len(values):,} standardized residuals"),
+            Swatch(colours[0], "normal curve, σ = 1"),
+            Swatch(colours[1], f"normal curve, σ = {spread:.2f}"),
         ],
-        right - left,
+        "image coordinates",
+        about=10,
     )
-    drawn = [
-        axes.horizontal_axis(
-            x, top, bottom, "standardized residual w (outermost bars: all larger values)", about=10
-        ),
-        axes.vertical_axis(y, left, right, "number in a bar"),
-        markup.element("path", {"fill": bar, "d": bars}, markup.title(f"{beyond:,} beyond ±{_LIMIT:g}")),
-        *(
-            markup.element(
-                "path", {"class": "curve", "stroke": colour, "d": markup.path_of(x.of(at), y.of(curve))}
-            )
-            for colour, curve in ((normal, curves[0]), (own, curves[1]))
-        ),
-        axes.frame(left, top, right, bottom),
-        legend,
-    ]
-    return markup.svg(axes.WIDTH, end + 4, "Histogram of standardized residuals", *drawn)
 
 
 def standardized_table(material: Material) -> Table:

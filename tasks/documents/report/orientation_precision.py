@@ -121,8 +121,7 @@ def orientation_plot(material: Material) -> Markup:
         parts.append(axes.vertical_axis(y, left, right, label))
         for index, (name, _, _, factor) in enumerate(panel):
             middle, values = _binned(images[name].to_numpy(np.float64) * factor, place)
-            css: dict[str, markup.Attribute] = {"class": "curve", "stroke": palette.category(index)}
-            parts.append(_curves(images, middle, x.of(middle), y.of(values), css))
+            parts.append(_curves(images, middle, x.of(middle), y.of(values), palette.category(index)))
         parts.append(axes.frame(left, top, right, bottom))
         names = [Swatch(palette.category(i), item[1]) for i, item in enumerate(panel)]
         legend, top = swatches(left, bottom + 8, "", names, right - left)
@@ -152,9 +151,7 @@ def _starts(images: pd.DataFrame) -> Ints:
     return np.flatnonzero(strip[1:] != strip[:-1]) + 1
 
 
-def _curves(
-    images: pd.DataFrame, middle: Floats, x: Floats, y: Floats, css: dict[str, markup.Attribute]
-) -> Markup:
+def _curves(images: pd.DataFrame, middle: Floats, x: Floats, y: Floats, colour: str) -> Markup:
     """A line for each strip: values of different strips are not joined."""
     cuts = np.searchsorted(middle, _starts(images))
     pieces = zip(np.split(x, cuts), np.split(y, cuts), strict=True)
@@ -163,7 +160,7 @@ def _curves(
         for px, py in pieces
         if len(px)
     )
-    return markup.element("path", css | {"d": data})
+    return markup.element("path", css="curve", stroke=colour, d=data)
 
 
 def _strip_borders(images: pd.DataFrame, x: Scale, top: float, bottom: float, *, named: bool) -> Markup:

@@ -11,7 +11,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from tasks.document_kit.table import Table
-from tasks.document_kit.templates import templates
+from tasks.document_kit.templates import rendered
 from tasks.documents.report import (
     block_map,
     calibration,
@@ -85,41 +85,38 @@ def render(
     added = (*of_errors, *of_rigs, *_residual_tables(material, fields))
     tables |= {table.name: table for table in added}
     named, tables = first_screen.places(material, found, tables, plots["block"])
-    page: str = (
-        templates(TEMPLATES)
-        .get_template("page.html.j2")
-        .render(
-            name=name,
-            frame=material.figures.frame,
-            verdict=key_figures.verdict(material, found),
-            causes=named,
-            more_causes=len(causes.by_place(found)) - len(named),
-            cards=first_screen.cards(material),
-            version=software.get("aerocal", ""),
-            flown=flown,
-            problems=causes.remarks(material, found),
-            figures=material.figures,
-            summary=material.summary,
-            tables=tables,
-            plots=plots,
-            fields=[(field, _field_plots(field)) for field in fields],
-            confidence=material.project.adjustment.confidence,
-            calibrated=not material.self_calibration.empty,
-            image_errors=[
-                (own, image_errors_plot.errors_plot(own), image_errors_plot.parts_plot(own)) for own in errors
-            ],
-            comparisons=[drawn for pair in pairs if (drawn := image_errors_plot.comparison_plot(pair))],
-            has_heads=rig_heads.has_heads(material),
-            head_tables=rig_heads.HEAD_TABLES,
-            heads_note=rig_heads.HEADS_NOTE,
-            virtual_images=[(image.name, virtual_image.virtual_image_plot(image)) for image in composed],
-            script=Markup(_SCRIPT),
-            script_digest=b64encode(sha256(_SCRIPT.encode()).digest()).decode(),
-            arrows_of_images='<g class="positions"' in plots["block"],
-            outlined=len(material.oriented) <= block_map.MOST_OUTLINES,
-        )
+    return rendered(
+        "page.html.j2",
+        TEMPLATES,
+        name=name,
+        frame=material.figures.frame,
+        verdict=key_figures.verdict(material, found),
+        causes=named,
+        more_causes=len(causes.by_place(found)) - len(named),
+        cards=first_screen.cards(material),
+        version=software.get("aerocal", ""),
+        flown=flown,
+        problems=causes.remarks(material, found),
+        figures=material.figures,
+        summary=material.summary,
+        tables=tables,
+        plots=plots,
+        fields=[(field, _field_plots(field)) for field in fields],
+        confidence=material.project.adjustment.confidence,
+        calibrated=not material.self_calibration.empty,
+        image_errors=[
+            (own, image_errors_plot.errors_plot(own), image_errors_plot.parts_plot(own)) for own in errors
+        ],
+        comparisons=[drawn for pair in pairs if (drawn := image_errors_plot.comparison_plot(pair))],
+        has_heads=rig_heads.has_heads(material),
+        head_tables=rig_heads.HEAD_TABLES,
+        heads_note=rig_heads.HEADS_NOTE,
+        virtual_images=[(image.name, virtual_image.virtual_image_plot(image)) for image in composed],
+        script=Markup(_SCRIPT),
+        script_digest=b64encode(sha256(_SCRIPT.encode()).digest()).decode(),
+        arrows_of_images='<g class="positions"' in plots["block"],
+        outlined=len(material.oriented) <= block_map.MOST_OUTLINES,
     )
-    return page
 
 
 def _tables(material: Material, files: Sequence[str], software: Mapping[str, str]) -> tuple[Table, ...]:

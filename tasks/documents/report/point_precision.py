@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
+import pandas as pd
 from markupsafe import Markup
 
 from adjust.arrays import Floats
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import tick_step
-from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.legend import Swatch
 from tasks.document_kit.map_plot import MapPlot
 from tasks.document_kit.raster import Classes, Raster, cells
 from tasks.document_kit.table import Column, Row, Table, components, numbers, text_column
@@ -53,21 +52,23 @@ def _row(key: str, words: str, sigma: Floats) -> Row:
 def height_precision_map(material: Material) -> Markup:
     """Cells coloured by the median σ of the heights of their points; needs at least one point."""
     points = material.object_points
-    x, y, sigma = (points[name].to_numpy(np.float64) for name in ("x_m", "y_m", "sigma_z_m"))
+    x, y = (points[name].to_numpy(np.float64) for name in ("x_m", "y_m"))
     raster = Raster.over(x, y, min(_CELLS, max(4, int(np.sqrt(len(points))))))
+    return sigma_map(points, raster, "median σ height [m]", "Map of the standard deviation of heights")
+
+
+def sigma_map(points: pd.DataFrame, raster: Raster, heading: str, description: str) -> Markup:
+    """A map of the median `sigma_z_m` of points in each cell of a raster."""
+    x, y, sigma = (points[name].to_numpy(np.float64) for name in ("x_m", "y_m", "sigma_z_m"))
     median = raster.median(x, y, sigma)
     classes = height_classes(median[np.isfinite(median)])
     colours = palette.sequence(len(classes.words))
     plot = MapPlot.over(x, y)
     entries = [Swatch(colour, words) for colour, words in zip(colours, classes.words, strict=True)]
-    legend, bottom = swatches(
-        plot.x.start, plot.bottom + 6, "median σ height [m]", entries, axes.WIDTH - plot.x.start - 10
-    )
+    legend, bottom = plot.legend(heading, entries)
     titles = [f"{words} m" for words in classes.words]
     drawn = cells(raster, plot, classes.of(median), colours, titles)
-    return markup.svg(
-        axes.WIDTH, bottom + 6, "Map of the standard deviation of heights", plot.axes(), drawn, legend
-    )
+    return markup.svg(axes.WIDTH, bottom + 6, description, plot.axes(), drawn, legend)
 
 
 def height_classes(values: Floats) -> Classes:
@@ -76,7 +77,4 @@ def height_classes(values: Floats) -> Classes:
     step = tick_step(max(high - low, 0.02 * high, 1e-6), _ABOUT_CLASSES)
     bounds = np.arange(np.floor(low / step) + 1, np.ceil(high / step)) * step
     bounds = bounds if len(bounds) else np.array([np.ceil(high / step) * step])
-    decimals = max(0, int(np.ceil(-np.log10(step) - 1e-9)))
-    texts = [f"{bound:.{decimals}f}" for bound in bounds]
-    between = [f"{a}–{b}" for a, b in pairwise(texts)]
-    return Classes(tuple(float(b) for b in bounds), (f"< {texts[0]}", *between, f"≥ {texts[-1]}"))
+    return Classes.between(bounds, step)

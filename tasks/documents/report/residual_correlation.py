@@ -64,18 +64,20 @@ def _line(own: pd.DataFrame, x: Scale, y: Scale, colour: str) -> Markup:
     own = own.sort_values("distance_to_mm")
     across = x.of(np.log2(own["distance_to_mm"].to_numpy(np.float64)))
     up = y.of(own["correlation"].to_numpy(np.float64))
-    path: dict[str, markup.Attribute] = {"class": "curve", "stroke": colour, "d": markup.path_of(across, up)}
     marks = [
-        markup.element(
-            "circle",
-            {"cx": float(a), "cy": float(b), "r": 4, "stroke": colour, "fill": colour if beyond else "#fff"},
+        markup.circle(
+            float(a),
+            float(b),
+            4.0,
             markup.title(f"ρ = {value:.3f}, {pairs:,} pairs"),
+            stroke=colour,
+            fill=colour if beyond else "#fff",
         )
         for a, b, beyond, value, pairs in zip(
             across, up, own["correlated"], own["correlation"], own["pairs"], strict=True
         )
     ]
-    return markup.group("line", [markup.element("path", path), *marks])
+    return markup.group("line", [markup.curve(across, up, colour), *marks])
 
 
 def iteration_table(iteration: GridIterationFigure) -> Table:

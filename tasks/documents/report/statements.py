@@ -9,7 +9,7 @@ import pandas as pd
 
 from tasks.document_kit.row_table import number_of, numbers_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
-from tasks.document_kit.templates import templates
+from tasks.document_kit.templates import rendered
 from tasks.results.figures import StatementFigure
 
 _POINTS = {
@@ -61,12 +61,8 @@ def figures_table(statements: Sequence[StatementFigure]) -> Table:
 def render(statements: Sequence[StatementFigure], check_points: pd.DataFrame, name: str) -> str:
     """The page of its own, with every check point."""
     tables = {table.name: table for table in (figures_table(statements), _points(check_points))}
-    page: str = (
-        templates(Path(__file__).parent / "templates")
-        .get_template("statements_page.html.j2")
-        .render(name=name, statements=statements, tables=tables)
-    )
-    return page
+    folder = Path(__file__).parent / "templates"
+    return rendered("statements_page.html.j2", folder, name=name, statements=statements, tables=tables)
 
 
 def _points(check_points: pd.DataFrame) -> Table:

@@ -80,17 +80,10 @@ def _marks(table: pd.DataFrame, factor: float, x: Scale, y: Scale, aside: float,
         if not np.isfinite(mean):
             continue
         place = x.at(number + aside)
-        bar: dict[str, markup.Attribute] = {
-            "x1": place,
-            "y1": y.at(mean - spread),
-            "x2": place,
-            "y2": y.at(mean + spread),
-            "stroke": colour,
-        }
-        dot: dict[str, markup.Attribute] = {"cx": place, "cy": y.at(mean), "r": 2.6, "fill": colour}
+        words = markup.title(f"{label}: {mean:.3g} ± {spread:.2g}")
         parts += [
-            markup.element("line", bar),
-            markup.element("circle", dot, markup.title(f"{label}: {mean:.3g} ± {spread:.2g}")),
+            markup.line(place, y.at(mean - spread), place, y.at(mean + spread), stroke=colour),
+            markup.circle(place, y.at(mean), 2.6, words, fill=colour),
         ]
     return markup.group("", parts)
 
@@ -101,9 +94,5 @@ def _names(order: list[str], x: Scale, top: float) -> list[Markup]:
     parts = []
     for number, label in enumerate(order):
         words = label.split(" ", 1)[1] if len(cameras) == 1 else label
-        attributes: dict[str, markup.Attribute] = {
-            "transform": f"translate({markup.number(x.at(number) + 4)} {markup.number(top)}) rotate(-90)",
-            "text-anchor": "end",
-        }
-        parts.append(markup.element("text", attributes, words))
+        parts.append(markup.turned_text(x.at(number) + 4, top, words, "end"))
     return parts

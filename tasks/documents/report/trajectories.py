@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from adjust.arrays import Floats
 from tasks.document_kit import axes, markup, palette
-from tasks.document_kit.legend import Swatch, swatches
+from tasks.document_kit.legend import Swatch
 from tasks.document_kit.map_plot import MapPlot
 
 _PLAIN, _FIXED, _OTHER, _OUTLIER = palette.FAINT, "#009E73", "#E69F00", "#C1351B"
@@ -36,23 +36,14 @@ def trajectory_map(trajectories: pd.DataFrame, exposures: pd.DataFrame) -> Marku
     for _, own in trajectories.groupby("trajectory", sort=True):
         parts += _lines(own, plot)
     parts.append(_dots(events, plot))
-    outliers = trajectories[trajectories["is_outlier"]]
-    parts.append(
-        markup.group(
-            "outliers",
-            [
-                markup.element(
-                    "circle",
-                    {"cx": plot.x.at(x), "cy": plot.y.at(y), "r": 6, "fill": "none", "stroke": _OUTLIER},
-                    markup.title(f"sample at {time:.3f} s inconsistent with its neighbours"),
-                )
-                for x, y, time in outliers[["x_m", "y_m", "time_s"]].itertuples(index=False)
-            ],
-        )
-    )
-    legend, bottom = swatches(
-        plot.x.start, plot.bottom + 6, "trajectory", _entries(trajectories), axes.WIDTH - plot.x.start - 10
-    )
+    outliers = trajectories.loc[trajectories["is_outlier"], ["x_m", "y_m", "time_s"]]
+    circles = [
+        markup.circle(plot.x.at(x), plot.y.at(y), 6, markup.title(words), fill="none", stroke=_OUTLIER)
+        for x, y, time in outliers.itertuples(index=False)
+        for words in (f"sample at {time:.3f} s inconsistent with its neighbours",)
+    ]
+    parts.append(markup.group("outliers", circles))
+    legend, bottom = plot.legend("trajectory", _entries(trajectories))
     return markup.svg(axes.WIDTH, bottom + 8, "Map of the trajectories", *parts, legend)
 
 
@@ -95,23 +86,15 @@ def _colour(solution: object) -> str:
 def _line(x: Floats, y: Floats, colour: str, is_gap: bool = False) -> Markup:
     if len(x) < 2:
         return Markup("")
-    attributes: dict[str, markup.Attribute] = {"class": "curve", "d": markup.path_of(x, y), "stroke": colour}
-    if is_gap:
-        attributes["stroke-dasharray"] = "4 3"
-    return markup.element("path", attributes)
+    return markup.curve(x, y, colour, stroke_dasharray="4 3") if is_gap else markup.curve(x, y, colour)
 
 
 def _dots(events: pd.DataFrame, plot: MapPlot) -> Markup:
     """A dot at each exposure, with its name unless there are too many."""
     named = len(events) <= _MOST_NAMED
-    return markup.group(
-        "events",
-        [
-            markup.element(
-                "circle",
-                {"cx": plot.x.at(x), "cy": plot.y.at(y), "r": 2.2, "fill": palette.INK},
-                *([markup.title(str(image))] if named else []),
-            )
-            for image, x, y in events[["image", "x_m", "y_m"]].itertuples(index=False)
-        ],
-    )
+    dots = [
+        markup.circle(plot.x.at(x), plot.y.at(y), 2.2, *words, fill=palette.INK)
+        for image, x, y in events[["image", "x_m", "y_m"]].itertuples(index=False)
+        for words in ([markup.title(str(image))] if named else [],)
+    ]
+    return markup.group("events", dots)

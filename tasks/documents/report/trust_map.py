@@ -8,15 +8,15 @@ import numpy as np
 from markupsafe import Markup
 
 from adjust.arrays import Floats
-from tasks.document_kit import axes, markup, palette
+from tasks.document_kit import markup, palette
 from tasks.document_kit.axes import Scale
-from tasks.document_kit.legend import Swatch, swatches
-from tasks.document_kit.map_plot import MapPlot
-from tasks.document_kit.raster import Raster, cells
+from tasks.document_kit.chart import BAR, LEFT, RIGHT, TOP, bars, chart
+from tasks.document_kit.legend import Swatch
+from tasks.document_kit.raster import Raster
 from tasks.document_kit.table import Column, Row, Table, components, numbers, text_column
 from tasks.documents.report.key_figures import gate_table
 from tasks.documents.report.material import Material
-from tasks.documents.report.point_precision import height_classes
+from tasks.documents.report.point_precision import sigma_map
 from tasks.results.figures import TrustMapGrid
 
 _CELLS = 100
@@ -80,20 +80,8 @@ def trust_map_plot(material: Material) -> Markup | None:
     table, grid = material.trust_map, material.figures.trust_map_grid
     if table.empty or grid is None:
         return None
-    x, y, sigma = (table[name].to_numpy(np.float64) for name in ("x_m", "y_m", "sigma_z_m"))
-    raster = _raster(grid)
-    median = raster.median(x, y, sigma)
-    classes = height_classes(median[np.isfinite(median)])
-    colours = palette.sequence(len(classes.words))
-    plot = MapPlot.over(x, y)
-    entries = [Swatch(colour, words) for colour, words in zip(colours, classes.words, strict=True)]
-    legend, bottom = swatches(
-        plot.x.start, plot.bottom + 6, "σ height of a new point [m]", entries, axes.WIDTH - plot.x.start - 10
-    )
-    drawn = cells(raster, plot, classes.of(median), colours, [f"{words} m" for words in classes.words])
-    return markup.svg(
-        axes.WIDTH, bottom + 6, "Map of the standard deviation of new heights", plot.axes(), drawn, legend
-    )
+    words = "Map of the standard deviation of new heights"
+    return sigma_map(table, _raster(grid), "σ height of a new point [m]", words)
 
 
 def _raster(grid: TrustMapGrid) -> Raster:
@@ -113,35 +101,21 @@ def trust_map_histogram(material: Material) -> Markup | None:
     upper = 1.05 * float(np.quantile(sigma, 0.995))
     counts, edges = np.histogram(np.minimum(sigma, upper), bins=_BINS, range=(0.0, upper))
     parts = 100.0 * counts / len(sigma)
-    top, bottom, left, right = 10.0, 250.0, 78.0, axes.WIDTH - 12.0
-    x, y = Scale(0.0, upper, left, right), Scale(0.0, 1.06 * float(parts.max()), bottom, top)
-    bars = "".join(
-        f"M{markup.number(x.at(edge))},{markup.number(bottom)}V{markup.number(y.at(part))}"
-        f"H{markup.number(x.at(following) - 1)}V{markup.number(bottom)}z"
-        for edge, following, part in zip(edges[:-1], edges[1:], parts, strict=True)
-        if part > 0
-    )
-    entries = [Swatch(_BAR, f"{len(sigma):,} cells")]
-    lines = []
+    x, y = Scale(0.0, upper, LEFT, RIGHT), Scale(0.0, 1.06 * float(parts.max()), 250.0, TOP)
+    drawn, entries = [bars(x, y, edges, parts)], [Swatch(BAR, f"{len(sigma):,} cells")]
     gate = material.project.gates.trust_map_height_m
     limits = {f"{figure.share:.0%} of the area": (figure.sigma_m[2], palette.INK)}
     limits["limit of the gate"] = (None if gate is None else gate.max, palette.ACCENT)
     for words, (value, colour) in limits.items():
         if value is not None and value <= upper:
             entries.append(Swatch(colour, f"{words}: {value:.3f} m"))
-            ends = np.full(2, x.at(value)), np.array([bottom, top])
-            lines.append(
-                markup.element("path", {"class": "curve", "stroke": colour, "d": markup.path_of(*ends)})
-            )
-    legend, end = swatches(left, bottom + 48, "new points", entries, right - left)
-    return markup.svg(
-        axes.WIDTH,
-        end + 4,
+            drawn.append(markup.curve(np.full(2, x.at(value)), np.array([y.start, y.end]), colour))
+    return chart(
         "Histogram of the standard deviation of new heights",
-        axes.horizontal_axis(x, top, bottom, "σ height [m] (last bar: all larger values)", about=8),
-        axes.vertical_axis(y, left, right, "part of the area [%]"),
-        markup.element("path", {"fill": _BAR, "d": bars}),
-        *lines,
-        axes.frame(left, top, right, bottom),
-        legend,
+        x,
+        y,
+        ("σ height [m] (last bar: all larger values)", "part of the area [%]"),
+        drawn,
+        entries,
+        "new points",
     )

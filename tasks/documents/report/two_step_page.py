@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pandas as pd
 
 from tasks.coordinates.crs import MapFrame
-from tasks.document_kit.templates import templates
+from tasks.document_kit.templates import rendered
 from tasks.documents.report.key_figures import Verdict, gate_table
 from tasks.documents.report.page import TEMPLATES
 from tasks.documents.report.provenance import files_table, settings_table, versions_table
@@ -47,18 +47,15 @@ def render(
         versions_table(software),
     )
     plot = strip_plot(means)
-    page: str = (
-        templates(TEMPLATES)
-        .get_template("two_step_page.html.j2")
-        .render(
-            name=name,
-            frame=MapFrame.of(project.project.crs, project.project.heights).description,
-            verdict=Verdict(_TONES[found.verdict], _WORDS[found.verdict]),  # type: ignore[arg-type]
-            problems=summary.problems,
-            found=found,
-            figures=figures,
-            tables={table.name: table for table in tables},
-            plots={} if plot is None else {"strip-differences": plot},
-        )
+    return rendered(
+        "two_step_page.html.j2",
+        TEMPLATES,
+        name=name,
+        frame=MapFrame.of(project.project.crs, project.project.heights).description,
+        verdict=Verdict(_TONES[found.verdict], _WORDS[found.verdict]),  # type: ignore[arg-type]
+        problems=summary.problems,
+        found=found,
+        figures=figures,
+        tables={table.name: table for table in tables},
+        plots={} if plot is None else {"strip-differences": plot},
     )
-    return page

@@ -136,15 +136,8 @@ def _names(image: VirtualImage, plot: FormatPlot) -> list[Markup]:
     """The name of each head in the middle of its part."""
     written = []
     for head, own in image.filled.groupby("head", sort=True):
-        named: dict[str, markup.Attribute] = {
-            "x": plot.x.at(own["x_mm"].mean()),
-            "y": plot.y.at(own["y_mm"].mean()),
-            # A white edge keeps it legible among the arrows.
-            "stroke": "white",
-            "stroke-width": 5.0,
-            "paint-order": "stroke",
-            "text-anchor": "middle",
-            "class": "label",
-        }
-        written.append(markup.element("text", named, str(head)))
+        x, y = plot.x.at(own["x_mm"].mean()), plot.y.at(own["y_mm"].mean())
+        # A white edge keeps it legible among the arrows.
+        edge = {"stroke": "white", "stroke_width": "5", "paint_order": "stroke"}
+        written.append(markup.text(x, y, str(head), css_class="label", **edge))
     return written

@@ -14,7 +14,7 @@ from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale
 from tasks.document_kit.legend import Swatch, swatches
 from tasks.document_kit.table import Table
-from tasks.document_kit.templates import templates
+from tasks.document_kit.templates import rendered
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.documents.sweep.image_maps import error_maps, image_maps, residual_maps
 from tasks.sweep.result_tables import (
@@ -99,17 +99,12 @@ class _Bar:
         parts: list[Markup] = []
         if ours is not None and math.isfinite(ours):
             top = height.at(ours)
-            bar: dict[str, markup.Attribute] = {
-                "x": left,
-                "y": top,
-                "width": right - left - 1.0,
-                "height": height.start - top,
-                "fill": palette.category(self.variant),
-            }
+            width, colour = right - left - 1.0, palette.category(self.variant)
             words = f"{self.words}: {axis.upper()} {ours:.2f} GSD"
             if printed is not None:
                 words += f", published {printed:.2f}"
-            parts.append(markup.element("rect", bar, markup.title(words)))
+            told = markup.title(words)
+            parts.append(markup.rectangle(left, top, width, height.start - top, told, fill=colour))
         if printed is not None:
             parts.append(markup.line(left - 1.0, height.at(printed), right, height.at(printed)))
         return markup.group("bar", parts)
@@ -133,23 +128,21 @@ class _BlockSection:
 def render(results: SweepResults, computed: Sequence[Computed], name: str, versions: Table) -> str:
     """The page as text."""
     failures = failure_table(results)
-    page: str = (
-        templates(_TEMPLATES, REPORT_TEMPLATES)
-        .get_template("sweep.html.j2")
-        .render(
-            name=name,
-            sentence=_sentence(results),
-            failures=failures,
-            published=results.published,
-            blocks=[
-                _section(results, computed, block) for block in results.blocks if len(results.of_block(block))
-            ],
-            sub_blocks=block_table(results),
-            variants=variant_table(results),
-            versions=versions,
-        )
+    return rendered(
+        "sweep.html.j2",
+        _TEMPLATES,
+        REPORT_TEMPLATES,
+        name=name,
+        sentence=_sentence(results),
+        failures=failures,
+        published=results.published,
+        blocks=[
+            _section(results, computed, block) for block in results.blocks if len(results.of_block(block))
+        ],
+        sub_blocks=block_table(results),
+        variants=variant_table(results),
+        versions=versions,
     )
-    return page
 
 
 def _section(results: SweepResults, computed: Sequence[Computed], block: str) -> _BlockSection:

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from tasks.document_kit.row_table import table_of, text_of
 from tasks.document_kit.table import Column, Number, Row, Table, decimals_for, text_column
-from tasks.document_kit.templates import templates
+from tasks.document_kit.templates import rendered
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.documents.time_series.plot import COLOURS, LIMIT, reference_of, series_plot, time_scale
 from tasks.errors import InputError
@@ -55,7 +55,10 @@ def time_series_page(items: Sequence[StoredCalibration]) -> str:
     x = time_scale(series)
     panels = [Panel(one.words, _reference(one), series_plot(one, x)) for one in series]
     camera = items[-1].camera
-    page: str = templates(_TEMPLATES, REPORT_TEMPLATES).get_template("time_series.html.j2").render(
+    return rendered(
+        "time_series.html.j2",
+        _TEMPLATES,
+        REPORT_TEMPLATES,
         camera=camera,
         items=items,
         panels=panels,
@@ -63,8 +66,7 @@ def time_series_page(items: Sequence[StoredCalibration]) -> str:
         limit=f"{LIMIT:.1f}",
         calibrations=_calibrations(items),
         values=_values(series),
-    )  # fmt: skip
-    return page
+    )
 
 
 def _reference(series: ParameterSeries) -> str:

@@ -85,13 +85,7 @@ def _bands(series: ParameterSeries, x: Scale, place: Callable[[float], float]) -
         # The last day belongs to it.
         end = x.end if held.end is None else x.at(held.end.toordinal() + 1)
         high, low = (place(point.value + side * LIMIT * point.sigma) for side in (1, -1))
-        rectangle: dict[str, markup.Attribute] = {
-            "x": start,
-            "y": high,
-            "width": end - start,
-            "height": low - high,
-        }
-        drawn.append(markup.element("rect", rectangle | {"class": "limits"}))
+        drawn.append(markup.rectangle(start, high, end - start, low - high, css="limits"))
         middle = place(point.value)
         drawn.append(markup.group("value", [markup.line(start, middle, end, middle)]))
     return drawn
@@ -110,20 +104,13 @@ def _symbol(point: SeriesPoint, series: ParameterSeries, x: Scale, place: Callab
         f"{'flown' if point.flown else 'added'} {point.day}: {Number(point.value, decimals)} ± "
         f"{Number(point.sigma, decimals)} {series.unit}; {point.mounting}"
     )
-    disc: dict[str, markup.Attribute] = {
-        "cx": at,
-        "cy": middle,
-        "r": 5.0,
-        "stroke": colour,
-        "stroke-width": 2,
-    }
+    looks: dict[str, markup.Attribute] = {"stroke": colour, "stroke_width": 2}
+    fill = "#fff" if point.state == "draft" else colour
     return markup.group(
         "calibration",
         [
-            markup.element("path", {"d": bar, "stroke": colour, "stroke-width": 2, "fill": "none"}),
-            markup.element(
-                "circle", disc | {"fill": "#fff" if point.state == "draft" else colour}, markup.title(words)
-            ),
+            markup.element("path", d=bar, fill="none", **looks),
+            markup.circle(at, middle, 5.0, markup.title(words), fill=fill, **looks),
             markup.text(at + 9, middle - 7, str(point.calibration), "start", "halo"),
         ],
     )

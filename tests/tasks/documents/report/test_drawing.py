@@ -14,7 +14,7 @@ from tasks.document_kit.map_plot import MapPlot
 
 
 def test_texts_and_attributes_are_escaped_and_markup_is_not() -> None:
-    made = markup.element("g", {"class": '"><b>'}, "<i>", Markup("<use/>"))
+    made = markup.element("g", "<i>", Markup("<use/>"), css='"><b>')
     assert made == '<g class="&#34;&gt;&lt;b&gt;">&lt;i&gt;<use/></g>'
 
 
