@@ -48,35 +48,19 @@ class Answers:
 
     def register(self, app: Dash) -> None:
         """Register these answers with the application."""
-        app.callback(
-            Output("news", "data"),
-            Output("no-projects", "children"),
-            Output("revision", "data"),
-            Output("cards", "children"),
-            Output("said", "children"),
-            Output("trouble", "children"),
-            Output("refreshed", "data"),
-            Output("queue", "children"),
-            Input("tick", "n_intervals"),
-            State("revision", "data"),
-        )(self.refresh)
-        app.callback(
-            Output("sigma0-trend", "children"),
-            Output("rmse-trend", "children"),
-            Output("failures", "children"),
-            Input("revision", "data"),
-        )(self.follow)
+        ticked, revised = Input("tick", "n_intervals"), Input("revision", "data")
+        refreshed = "news.data no-projects.children revision.data cards.children said.children "
+        refreshed += "trouble.children refreshed.data queue.children"
+        trends = "sigma0-trend.children rmse-trend.children failures.children"
+        of_cameras = "camera.options camera.value due.children"
+        app.callback(_outputs(refreshed), ticked, State("revision", "data"))(self.refresh)
+        app.callback(_outputs(trends), revised)(self.follow)
         app.callback(Output("detail", "children"), Input(GRID, "selectedRows"))(self.detail_of_row)
         app.callback(
             Output("picked", "children"), Input({"trend": ALL}, "clickData"), prevent_initial_call=True
         )(self.detail_of_point)
-        app.callback(
-            Output("camera", "options"),
-            Output("camera", "value"),
-            Output("due", "children"),
-            Input("slow", "n_intervals"),
-            State("camera", "value"),
-        )(self.cameras)
+        chosen = State("camera", "value")
+        app.callback(_outputs(of_cameras), Input("slow", "n_intervals"), chosen)(self.cameras)
         app.callback(Output("calibrations", "children"), Input("camera", "value"))(self.series)
 
     def refresh(self, ticks: int | None, revision: dict[str, Any]) -> tuple[Any, ...]:
@@ -168,6 +152,11 @@ class Answers:
         except AerocalError as error:
             return html.Div(str(error), className="detail")
         return detail_part(run, older, there, datetime.now(UTC), sources.dashboard)
+
+
+def _outputs(names: str) -> list[Output]:
+    """Properties of parts of the page, each as PART.PROPERTY."""
+    return [Output(*name.split(".")) for name in names.split()]
 
 
 def _state_of_server(reachable: bool, now: datetime) -> list[Any]:

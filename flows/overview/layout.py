@@ -32,6 +32,15 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
     dashboard : address of the server's own pages.
     roots : folders that projects may lie in.
     """
+    sections = ("projects", "queue", "trends", "calibrations")
+    links = [html.A(name, href=f"#{name}-section") for name in sections]
+    camera = dcc.Dropdown(id="camera", clearable=False, placeholder="camera", style={"minWidth": "300px"})
+    of_calibrations = [
+        html.Div([html.H2("Calibrations"), camera], className="bar"),
+        html.Div(id="due"),
+        html.Div(id="calibrations", className="plots"),
+        html.P(_CALIBRATION_LEGEND, className="note"),
+    ]
     return html.Main(
         [
             dcc.Interval(id="tick", interval=_TICK_MS),
@@ -43,15 +52,7 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
             html.Header(
                 [
                     html.H1("aerocal production"),
-                    html.Nav(
-                        [
-                            html.A("projects", href="#projects-section"),
-                            html.A("queue", href="#queue-section"),
-                            html.A("trends", href="#trends-section"),
-                            html.A("calibrations", href="#calibrations-section"),
-                            html.A("Prefect", href=dashboard, target="_blank", rel="noopener noreferrer"),
-                        ]
-                    ),
+                    html.Nav([*links, new_tab("Prefect", dashboard)]),
                     html.Div(id="said", className="said"),
                 ]
             ),
@@ -59,45 +60,29 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
             html.Div(id="trouble"),
             html.Div(id="cards", className="cards"),
             html.Section(_projects(changes.rows, dashboard, roots), id="projects-section"),
-            html.Div(
-                [
-                    html.Section([html.H2("Queue"), html.Div(id="queue")], id="queue-section"),
-                    html.Section([html.H2("Latest failures"), html.Div(id="failures")]),
-                ],
-                className="columns",
-            ),
-            html.Div(
-                [
-                    html.Section(
-                        [html.H2("σ0 over projects"), html.Div(id="sigma0-trend")], id="trends-section"
-                    ),
-                    html.Section([html.H2("Check-point RMSE over projects"), html.Div(id="rmse-trend")]),
-                ],
-                className="columns",
+            _beside(_titled("Queue", "queue", id="queue-section"), _titled("Latest failures", "failures")),
+            _beside(
+                _titled("σ0 over projects", "sigma0-trend", id="trends-section"),
+                _titled("Check-point RMSE over projects", "rmse-trend"),
             ),
             html.Div(id="picked", className="picked"),
-            html.Section(
-                [
-                    html.Div(
-                        [
-                            html.H2("Calibrations"),
-                            dcc.Dropdown(
-                                id="camera",
-                                clearable=False,
-                                placeholder="camera",
-                                style={"minWidth": "300px"},
-                            ),
-                        ],
-                        className="bar",
-                    ),
-                    html.Div(id="due"),
-                    html.Div(id="calibrations", className="plots"),
-                    html.P(_CALIBRATION_LEGEND, className="note"),
-                ],
-                id="calibrations-section",
-            ),
+            html.Section(of_calibrations, id="calibrations-section"),
         ]
     )
+
+
+def _titled(heading: str, part: str, **section: str) -> Part:
+    """A section with a heading, and a part that is filled later."""
+    return html.Section([html.H2(heading), html.Div(id=part)], **section)
+
+
+def _beside(*sections: Part) -> Part:
+    return html.Div(list(sections), className="columns")
+
+
+def new_tab(words: str, address: str) -> Part:
+    """A link that opens beside the page, which then cannot be reached from there."""
+    return html.A(words, href=address, target="_blank", rel="noopener noreferrer")
 
 
 def revision_data(changes: Changes) -> dict[str, Any]:
@@ -130,9 +115,7 @@ def no_projects(dashboard: str, roots: Sequence[str]) -> Part:
     return html.Div(
         [
             "No project has been run yet. Start one manually: ",
-            html.A(
-                "Deployments", href=f"{dashboard}/v2/deployments", target="_blank", rel="noopener noreferrer"
-            ),
+            new_tab("Deployments", f"{dashboard}/v2/deployments"),
             " → aerial-triangulation/manual → Run → Custom run, with a project under ",
             html.Code(", ".join(roots)),
             "; or copy a delivery into the inbox and create the file ",

@@ -61,31 +61,29 @@ def rmse_figure(rows: Sequence[ProjectRow]) -> Figure | None:
 
 
 def _figures(rows: Sequence[ProjectRow], value: Any, name: str, marker: Figure, told: str) -> Figure:
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": name,
-        "x": [row.changed.isoformat(timespec="seconds") for row in rows],
-        "y": [value(row) for row in rows],
-        # Texts over a plot may hold marks of their own; a project's name is none.
-        "customdata": [[escape(row.run.project), escape(row.run.story), row.run.id] for row in rows],
-        "marker": marker,
-        "hovertemplate": f"<b>%{{customdata[0]}}</b><br>%{{customdata[1]}}<br>{told}<extra></extra>",
-    }
+    """The figure of each project at the end of its run, as points with what they are."""
+    # Plotly takes some HTML in what it shows under the pointer.
+    about = [[escape(row.run.project), escape(row.run.story), row.run.id] for row in rows]
+    told = f"<b>%{{customdata[0]}}</b><br>%{{customdata[1]}}<br>{told}"
+    return _points(name, _ends(rows), [value(row) for row in rows], marker, told, customdata=about)
 
 
 def _gate_strokes(rows: Sequence[ProjectRow], gate: str, name: str, colour: str = INK) -> Figure:
-    """A short stroke at the limit of each project that has one."""
+    """The limit of a gate at each project that has it."""
     found = [(row, limit) for row in rows if (limit := row.limit(gate)) is not None]
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": name,
-        "x": [row.changed.isoformat(timespec="seconds") for row, _ in found],
-        "y": [limit for _, limit in found],
-        "marker": {"symbol": "line-ew", "size": 14, "line": {"color": colour, "width": 1.5}},
-        "hovertemplate": f"{name} %{{y:.4g}}<extra></extra>",
-    }
+    marker = {"symbol": "line-ew", "size": 14, "line": {"color": colour, "width": 1.5}}
+    limits = [limit for _, limit in found]
+    return _points(name, _ends([row for row, _ in found]), limits, marker, f"{name} %{{y:.4g}}")
+
+
+def _ends(rows: Sequence[ProjectRow]) -> list[str]:
+    return [row.changed.isoformat(timespec="seconds") for row in rows]
+
+
+def _points(name: str, x: list[str], y: list[Any], marker: Figure, told: str, **more: Any) -> Figure:
+    """Points of a plot; `told` is what the pointer shows."""
+    trace = {"type": "scatter", "mode": "markers", "name": name, "x": x, "y": y, "marker": marker}
+    return {**trace, "hovertemplate": f"{told}<extra></extra>", **more}
 
 
 def layout(title: str, **axis: Any) -> Figure:
@@ -160,19 +158,16 @@ def series_figure(series: WatchedSeries, today: date) -> Figure:
 def _of_state(state: str, points: tuple[SeriesPoint, ...], zero: float, factor: float, unit: str) -> Figure:
     colour, symbol = _STATES[state]
     shown = [point for point in points if point.state == state]
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": state,
-        "x": [point.day.isoformat() for point in shown],
-        "y": [(point.value - zero) * factor for point in shown],
-        "error_y": {"type": "data", "array": [point.sigma * factor for point in shown], "color": colour,
-                    "thickness": 1.5, "width": 5},
-        "marker": {"color": colour, "symbol": symbol, "size": 9, "line": {"width": 2, "color": colour}},
-        "customdata": [[point.calibration, _held(point)] for point in shown],
-        "hovertemplate": f"calibration %{{customdata[0]}} ({state})<br>%{{x}}<br>%{{y:.4g}} {unit}"
-        "<br>%{customdata[1]}<extra></extra>",
-    }  # fmt: skip
+    sigmas = [point.sigma * factor for point in shown]
+    return _points(
+        state,
+        [point.day.isoformat() for point in shown],
+        [(point.value - zero) * factor for point in shown],
+        {"color": colour, "symbol": symbol, "size": 9, "line": {"width": 2, "color": colour}},
+        f"calibration %{{customdata[0]}} ({state})<br>%{{x}}<br>%{{y:.4g}} {unit}<br>%{{customdata[1]}}",
+        error_y={"type": "data", "array": sigmas, "color": colour, "thickness": 1.5, "width": 5},
+        customdata=[[point.calibration, _held(point)] for point in shown],
+    )
 
 
 def _held(point: SeriesPoint) -> str:

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from dash import html
 
-from flows.overview.layout import in_words
+from flows.overview.layout import in_words, new_tab
 from flows.overview.project_grid import STORY_LABELS
 from flows.overview.sources import QueuedRun, ServerView
 from flows.server.inbox import Scheduled
@@ -21,6 +21,8 @@ from tasks.results.quality_gates import GateResult
 
 Part = Any
 _SHOWN = 25
+#: Headings of a run that has ended, after its name.
+_ENDED = ("Story", "State", "Age", "Message")
 
 
 def queue_part(view: ServerView, inbox: Scheduled | None, now: datetime, dashboard: str) -> Part:
@@ -85,7 +87,7 @@ def failures_part(
         _ended(run, run.project, now, dashboard, " A later run has passed." if run.id in passed_since else "")
         for run in runs
     ]
-    return _table(("Project", "Story", "State", "Age", "Message"), rows)
+    return _table(("Project", *_ENDED), rows)
 
 
 def detail_part(
@@ -103,16 +105,9 @@ def detail_part(
         html.H2(f"{run.project} · {STORY_LABELS.get(run.story, run.story)} · {run.state}"),
         html.P([html.Code(run.project_file or "no project file"), " → ", html.Code(run.directory or "–")]),
     ]
-    links = [document_link(run.id, name) for name in documents]
-    parts.append(
-        html.P(
-            [
-                part
-                for link in (*links, run_link(dashboard, run.id, "run in Prefect"))
-                for part in (link, "   ")
-            ]
-        )
-    )
+    links = [*(document_link(run.id, name) for name in documents)]
+    links.append(run_link(dashboard, run.id, "run in Prefect"))
+    parts.append(html.P([part for link in links for part in (link, "   ")]))
     if problems := problems_of(run):
         parts += [html.H3("Problems and remarks"), html.Ul([html.Li(text) for text in problems])]
     elif run.message:
@@ -131,10 +126,7 @@ def detail_part(
         if one.id != run.id
     ]
     if older:
-        parts += [
-            html.H3("Other runs of this project"),
-            _table(("Run", "Story", "State", "Age", "Message"), older),
-        ]
+        parts += [html.H3("Other runs of this project"), _table(("Run", *_ENDED), older)]
     return html.Div(parts, className="detail")
 
 
@@ -151,14 +143,12 @@ def _ended(run: RunRecord, name: str, now: datetime, dashboard: str, remark: str
 
 def run_link(dashboard: str, run: str, text: str) -> Part:
     """A link to the run on the server's own pages."""
-    address = f"{dashboard}/v2/runs/flow-run/{quote(run, safe='')}"
-    return html.A(text, href=address, target="_blank", rel="noopener noreferrer")
+    return new_tab(text, f"{dashboard}/v2/runs/flow-run/{quote(run, safe='')}")
 
 
 def document_link(run: str, name: str) -> Part:
     """A link to a document of a run."""
-    address = f"/results/{quote(run, safe='')}/{quote(name, safe='')}"
-    return html.A(name, href=address, target="_blank", rel="noopener noreferrer")
+    return new_tab(name, f"/results/{quote(run, safe='')}/{quote(name, safe='')}")
 
 
 class _Message(str):
