@@ -156,7 +156,7 @@ class Answers:
 
 def _outputs(names: str) -> list[Output]:
     """Properties of parts of the page, each as PART.PROPERTY."""
-    return [Output(*name.split(".")) for name in names.split()]
+    return [Output(part, name) for part, name in (one.split(".") for one in names.split())]
 
 
 def _state_of_server(reachable: bool, now: datetime) -> list[Any]:

@@ -71,7 +71,7 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
     )
 
 
-def _titled(heading: str, part: str, **section: str) -> Part:
+def _titled(heading: str, part: str, **section: Any) -> Part:
     """A section with a heading, and a part that is filled later."""
     return html.Section([html.H2(heading), html.Div(id=part)], **section)
 

@@ -18,7 +18,7 @@ from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
 from tasks.production.notice import KINDS, Notice
-from tasks.production.records import configured_records, project_name, write_notice
+from tasks.production.records import configured_records, write_notice
 from tasks.production.run_record import RunRecord, State
 from tasks.production.stages import stages_since
 from tasks.store.stage_record import utc_now
@@ -58,7 +58,9 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
         return carry_out(story, request)
     # As exact as the records of the stages are, none of which may seem older.
     begun = datetime.fromisoformat(utc_now())
-    _noted(lambda: records.begin(_beginning(request, identity)), _PATIENCE_BEGINNING)
+    project_file, directory = request.project_file.absolute(), str(request.directory.absolute())
+    run = RunRecord.of(identity.id, project_file, identity.story, "Running", directory=directory)
+    _noted(lambda: records.begin(run), _PATIENCE_BEGINNING)
 
     def ended(state: State, message: str, **more: Any) -> None:
         stages = stages_since(request.directory, begun)
@@ -118,19 +120,6 @@ def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> N
             write_notice(connection, notice)
 
     _noted(write, _PATIENCE_END)
-
-
-def _beginning(request: RunRequest, identity: FlowRunIdentity) -> RunRecord:
-    return RunRecord(
-        identity.id,
-        project_name(request.project_file.absolute()),
-        str(request.project_file.absolute()),
-        str(request.directory.absolute()),
-        identity.story,
-        "Running",
-        "",
-        datetime.now(UTC),
-    )
 
 
 def _noted(write: Callable[[], None], patience: Patience) -> None:

@@ -9,8 +9,7 @@ from pathlib import Path
 from flows.runs.project_run import RunOutcome, RunRequest
 from flows.runs.recorded_run import FlowRunIdentity
 from tasks.production.notice import report_address
-from tasks.production.records import project_name
-from tasks.production.run_record import PUBLISHING, State
+from tasks.production.run_record import PUBLISHING, State, project_name
 from tasks.production.short_text import ShortText
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 

@@ -15,7 +15,6 @@ import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -25,7 +24,7 @@ from tasks.errors import InputError, Location
 from tasks.files.delivered_file import read_delivered, trouble_of
 from tasks.files.installation import InstallationError
 from tasks.plain_text import trouble_in, visible
-from tasks.production.records import Records, project_name
+from tasks.production.records import Records
 from tasks.production.run_record import DECIDED, RunRecord
 
 #: Name of the marker file.
@@ -309,22 +308,10 @@ def _schedule(
     run = api.post(f"/deployments/{_deployment(api, story)}/create_flow_run", body)
     if before is not None and before.id == run["id"]:
         return "known"
-    records.schedule(_scheduled(run["id"], project_file, story, delivery))
+    message, results = "It is not its turn yet.", str(project_file.parent / "results")
+    known = {"directory": results, "delivery": delivery.key}
+    records.schedule(RunRecord.of(run["id"], project_file, story, "Scheduled", message, **known))
     return "begun"
-
-
-def _scheduled(run_id: str, project_file: Path, story: str, delivery: Delivery) -> RunRecord:
-    return RunRecord(
-        run_id,
-        project_name(project_file),
-        str(project_file),
-        str(project_file.parent / "results"),
-        story,
-        "Scheduled",
-        "It is not its turn yet.",
-        datetime.now(UTC),
-        delivery=delivery.key,
-    )
 
 
 def _deployment(api: Api, story: str) -> str:

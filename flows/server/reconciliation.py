@@ -19,7 +19,7 @@ from pathlib import Path
 import psutil
 
 from flows.server.api import Api, FlowRun, flow_runs, flow_runs_in, set_state
-from tasks.production.records import Records, project_name
+from tasks.production.records import Records
 from tasks.production.run_record import DECIDED, RunRecord, State
 
 #: A runner that has taken a run begins it within this time, s; it may be loading Prefect on a busy machine.
@@ -71,13 +71,9 @@ def _adopt(api: Api, records: Records) -> None:
     known = {run.id for run in records.runs_with(list(found))}
     for run_id in found.keys() - known:
         run = found[run_id]
-        project = Path(str(run.parameters["project"]))
+        project, since = Path(str(run.parameters["project"])), run.since
         story = str((api.get(f"/flows/{run.flow}") or {}).get("name"))
-        records.schedule(
-            RunRecord(
-                run_id, project_name(project), str(project), "", story, "Scheduled", run.message, run.since
-            )
-        )
+        records.schedule(RunRecord.of(run_id, project, story, "Scheduled", run.message, scheduled=since))
 
 
 def _reconcile(api: Api, records: Records, run: RunRecord, found: FlowRun | None) -> bool:

@@ -45,6 +45,8 @@ HOSTS_VARIABLE = "AEROCAL_HOSTS"
 #: Carries the settings to a runner.
 SETTINGS_VARIABLE = "AEROCAL_SETTINGS"
 _LAST_PORT = 65535
+#: Options that are settings as they stand.
+_AS_GIVEN = ("database", "cron", "timezone", "keep_days", "history_days", "limit", "only_on_schedule")
 _SERVER, _PAGE = (ServerAddress("127.0.0.1", port) for port in (4200, 4201))
 
 
@@ -144,6 +146,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
     InstallationError
         If the object storage of the results does not answer or refuses.
     """
+    plain = {name: given[name] for name in _AS_GIVEN if given.get(name) is not None}
     inbox, database, state = (given.get(name) for name in ("inbox", "database", "state"))
     cron, recalibration_cron = given.get("cron"), given.get("recalibration_cron")
     stories: tuple[StoryOfDeliveries, ...] = get_args(StoryOfDeliveries)
@@ -168,8 +171,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
         raise InputError("Deliveries wait for a schedule, and there is none.", 'Add --cron "M H D M W".')
     _require_schedule("--cron", cron)
     _require_schedule("--recalibration-cron", recalibration_cron)
-    timezone = given.get("timezone", "UTC")
-    _require_zone(timezone)
+    _require_zone(given.get("timezone", "UTC"))
     host, port = given.get("host", "127.0.0.1"), given.get("port", 4200)
     beside = given.get("overview_port") or (port + 1 if port < _LAST_PORT else port - 1)
     if beside == port:
@@ -179,20 +181,14 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
         state_folder() if state is None else state.absolute(),
         ServerAddress(host, port, _web_address("--public-url", given.get("public_url"))),
         ServerAddress(host, beside, _web_address("--public-overview-url", given.get("public_overview_url"))),
-        database,
-        wanted_kinds(given.get("notify_on", ",".join(USUAL))),
-        None if inbox is None else inbox.resolve(),
-        story,
-        given.get("watch", 20.0),
-        cron,
-        timezone,
-        registry,
-        None if registry is None else recalibration_cron or WEEKLY,
-        given.get("keep_days"),
-        given.get("history_days", 365),
-        results_of_server(given.get("results"), roots),
-        given.get("limit", 1),
-        only_on_schedule=given.get("only_on_schedule", False),
+        notify_on=wanted_kinds(given.get("notify_on", ",".join(USUAL))),
+        inbox=None if inbox is None else inbox.resolve(),
+        story=story,
+        watch_s=given.get("watch", 20.0),
+        registry=registry,
+        recalibration_cron=None if registry is None else recalibration_cron or WEEKLY,
+        results=results_of_server(given.get("results"), roots),
+        **plain,
     )
 
 

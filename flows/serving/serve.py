@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from flows.server.api import Api
@@ -51,6 +52,7 @@ from tasks.store.run_lock import lock_if_free
 _START_S = 240.0
 #: Seconds between two looks into the outbox.
 _NOTICES_S = 2.0
+_READY = "Ready. Ctrl+C or SIGTERM stops it after the current runs have finished."
 
 
 def serve(settings: Settings, say: Say) -> int:
@@ -75,14 +77,8 @@ def serve(settings: Settings, say: Say) -> int:
         os.environ.pop(name, None)
     links = Links(settings.address.dashboard, settings.overview.dashboard)
     courier = Courier(Outbox(records), addresses, settings.notify_on, links, say)
-    notices = Repeated(
-        courier.deliver,
-        _NOTICES_S,
-        say,
-        "Notices cannot be delivered at the moment",
-        grace_s=20.0,
-        once_more=True,
-    )
+    trouble = "Notices cannot be delivered at the moment"
+    notices = Repeated(courier.deliver, _NOTICES_S, say, trouble, grace_s=20.0, once_more=True)
     with requests_to_end() as requests, the_only_server(settings.state):
         return _Serving(settings, records, requests, say).carry_out(notices)
 
@@ -162,16 +158,9 @@ class _Serving:
         from flows.overview.application import page_server
         from flows.overview.sources import Sources
 
-        settings = self.settings
-        sources = Sources(
-            self.records,
-            settings.address.dashboard,
-            settings.roots,
-            self.api,
-            self.door,
-            settings.registry,
-            lambda: watch.inbox,
-        )
+        settings, dashboard = self.settings, self.settings.address.dashboard
+        of_server = (dashboard, settings.roots, self.api, self.door, settings.registry)
+        sources = Sources(self.records, *of_server, lambda: watch.inbox)
         with page_server(sources, settings.overview.host, settings.overview.port):
             yield
 
@@ -222,7 +211,7 @@ class _Serving:
         self.say(f"Production page: {settings.overview.dashboard}")
         self._tell_link()
         self.say("Projects may be located under: " + ", ".join(map(str, settings.roots.folders)))
-        self.say("Ready. Ctrl+C or SIGTERM stops it after the current runs have finished.")
+        self.say(_READY)
 
     def _tell_link(self) -> None:
         """Report where the access link is; the link itself only on a screen, because others may read logs."""
@@ -233,28 +222,28 @@ class _Serving:
 
     def _stay(self, server: Supervised, runner: Supervised, watch: Watch) -> int:
         """Supervise children and inbox until asked to end; then let the runner finish."""
-        looks = Repeated(
-            watch.look,
-            self.settings.watch_s,
-            self.say,
-            "A check of inbox and runs failed",
-            grace_s=5.0,
-        )
+        trouble = "A check of inbox and runs failed"
+        looks = Repeated(watch.look, self.settings.watch_s, self.say, trouble, grace_s=5.0)
         try:
             with looks:
                 _look_after([server, runner], self.requests)
         except InstallationError:
             runner.drain(self.requests)
             raise
-        self.say("Stopping after the current runs; a second request stops them now.")
-        runner.drain(self.requests)
-        return 0
+        return _stopped(runner, self.requests, self.say)
 
 
 def _look_after(children: Sequence[Supervised], requests: Requests) -> None:
     while not requests.come.wait(1.0):
         for child in children:
             child.look()
+
+
+def _stopped(runner: Supervised, requests: Requests, say: Say) -> int:
+    """Let the runner finish; returns the exit code."""
+    say("Stopping after the current runs; a second request stops them now.")
+    runner.drain(requests)
+    return 0
 
 
 def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
@@ -299,21 +288,16 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
     require_server(url)
     api, lifeline = Api(url, os.environ.get(CLIENT_PASSWORD)), Lifeline()
     with requests_to_end() as requests, _own_name(settings.state) as name:
-
-        def start() -> Child:
-            return _start_runner(settings, api, lifeline, name=name)
-
+        start = partial(_start_runner, settings, api, lifeline, name=name)
         runner = Supervised("runner", start, say, api.is_well)
         try:
             say(f"Working for {url}; log: {runner.child.log}")
-            say("Ready. Ctrl+C or SIGTERM stops it after the current runs have finished.")
+            say(_READY)
             _look_after([runner], requests)
-            say("Stopping after the current runs; a second request stops them now.")
-            runner.drain(requests)
+            return _stopped(runner, requests, say)
         finally:
             runner.end()
             lifeline.release()
-    return 0
 
 
 @contextmanager

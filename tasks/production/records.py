@@ -13,7 +13,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Row, func, insert, inspect, select, update
@@ -300,13 +299,6 @@ def configured_records(environment: Mapping[str, str] = os.environ) -> Records |
     """The records of this process; None: there is no server that keeps any."""
     address = environment.get(RECORDS_VARIABLE)
     return Records.at(address, environment) if address else None
-
-
-def project_name(project_file: Path) -> str:
-    """Name of a project: its folder, or its file if that is not called ``project.toml``."""
-    if project_file.name == "project.toml" and project_file.parent.name:
-        return project_file.parent.name
-    return project_file.stem
 
 
 def write_notice(connection: Connection, notice: Notice) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, OnErrorOmit, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
@@ -131,10 +132,26 @@ class RunRecord:
     failed_stage: str | None = None
     figures: RunFigures = field(default_factory=RunFigures)
 
+    @classmethod
+    def of(
+        cls, run_id: str, project_file: Path, story: str, state: State, message: str = "", **more: Any
+    ) -> RunRecord:
+        """The run of a project, scheduled now if `more` states no other time."""
+        known = {"directory": "", "scheduled": datetime.now(UTC), **more}
+        name = project_name(project_file)
+        return cls(run_id, name, str(project_file), story=story, state=state, message=message, **known)
+
     @property
     def has_ended(self) -> bool:
         """Whether nothing further happens automatically."""
         return self.state in ENDED and self.again_at is None
+
+
+def project_name(project_file: Path) -> str:
+    """Name of a project: its folder, or its file if that is not called ``project.toml``."""
+    if project_file.name == "project.toml" and project_file.parent.name:
+        return project_file.parent.name
+    return project_file.stem
 
 
 _MINUTE = 60

@@ -13,8 +13,8 @@ import pytest
 from sqlalchemy import text, update
 
 from tasks.errors import InputError
-from tasks.production.records import Records, configured_records, project_name
-from tasks.production.run_record import RunRecord, StageTime
+from tasks.production.records import Records, configured_records
+from tasks.production.run_record import RunRecord, StageTime, project_name
 from tasks.production.tables import SCHEMA
 from tasks.production.variable import RECORDS_VARIABLE
 from tests.conftest import Start
