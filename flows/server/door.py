@@ -2,7 +2,7 @@
 
 A browser carries out what any page tells it to, so knowing the port must not be enough, not even on loopback.
 Whoever asks knows the password (``user:password``), or is a browser that a link of ours has given a cookie.
-This module decides; `flows.server.guard` and `flows.overview.access` apply it to the two servers.
+This module decides; `flows.server.prefect_server` and `flows.overview.access` apply it to the two servers.
 """
 
 from __future__ import annotations

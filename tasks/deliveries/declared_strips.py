@@ -1,17 +1,96 @@
-"""Camera, flight and strips of exposures as declared in the project file, overriding those of the file."""
+"""Camera, flight and strips of exposures as declared in the project file, overriding those of the file.
+
+Declarations on delivered flights: parts of one flight, and cameras that were remounted.
+
+Positions without fixed ambiguities: weighted or excluded as declared, and always reported.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from tasks.errors import Location
 from tasks.formats.records import ExposureRecords
-from tasks.settings.inputs import ExposuresInput
+from tasks.formats.trajectory_records import SOLUTIONS
+from tasks.nearest_name import did_you_mean
+from tasks.settings.inputs import DeliveredFlight, ExposuresInput
+
+# Names that a message lists.
+_EXAMPLES = 5
+
+
+def with_declared_solutions(records: ExposureRecords, source: ExposuresInput) -> ExposureRecords:
+    """The exposures with the σ declared for their kind of solution, or without a position."""
+    if records.solution is None:
+        return records
+    position, sigma = records.position.copy(), records.sigma_position.copy()
+    remarks: list[str] = []
+    for solution in SOLUTIONS:
+        rows = np.flatnonzero(pc.fill_null(pc.equal(records.solution, solution), False).to_numpy(False))
+        rows = rows[np.isfinite(position[rows]).all(axis=1)]
+        use = source.solutions.get(solution)  # type: ignore[call-overload]
+        if len(rows) == 0 or (solution == "fixed" and use is None):
+            continue
+        if use is None:
+            done = _undeclared(solution, sigma[rows])
+        elif use == "leave-out":
+            position[rows] = np.nan
+            done = "are excluded, as declared"
+        else:
+            sigma[rows] = use
+            done = f"have σ {', '.join(f'{value:g}' for value in use)} m, as declared"
+        remarks.append(f"{records.file.name}: {_listed(records.image, rows, solution)} {done}.")
+    return replace(records, position=position, sigma_position=sigma, remarks=(*records.remarks, *remarks))
+
+
+def _listed(image: pa.Array, rows: np.typing.NDArray[np.integer], solution: str) -> str:
+    names = ", ".join(str(image[int(row)]) for row in rows[:_EXAMPLES])
+    return (
+        f"{len(rows):,} positions of {solution} solutions ({names}{', …' if len(rows) > _EXAMPLES else ''})"
+    )
+
+
+def _undeclared(solution: str, sigma: np.typing.NDArray[np.float64]) -> str:
+    largest = np.nanmax(sigma) if np.isfinite(sigma).any() else np.nan
+    stated = "the file states no σ" if np.isnan(largest) else f"the file states σ up to {largest:.2f} m"
+    return f'are used, {stated}; otherwise declare solutions.{solution} = SIGMA or "leave-out"'
+
+
+def with_declared_flights(
+    records: ExposureRecords, declared: Mapping[str, DeliveredFlight]
+) -> ExposureRecords:
+    """The exposures with their declared flights and cameras; strips of a part are prefixed with its name.
+
+    Raises
+    ------
+    InputError
+        If no exposure is of a flight that is declared.
+    """
+    camera, strip, flight = records.camera, records.strip, records.flight
+    for name, own in declared.items():
+        mine = pc.fill_null(pc.equal(records.flight, name), False)
+        if not pc.any(mine).as_py():
+            names = sorted(pc.unique(records.flight.drop_null()).to_pylist())
+            known = f"Its flights are: {', '.join(names)}." if names else "It names no flights."
+            raise Location(records.file, entity=name).error(
+                f"inputs.exposures.flights declares the flight '{name}', but the file contains no "
+                "exposure of it.",
+                f"{known} {did_you_mean(name, names)}".strip(),
+            )
+        if own.camera is not None:
+            camera = pc.if_else(mine, own.camera, camera)
+        if own.part_of is not None:
+            strip = pc.if_else(mine, pc.binary_join_element_wise(name, strip, " "), strip)
+            flight = pc.if_else(mine, own.part_of, flight)
+    return replace(records, camera=camera, strip=strip, flight=flight)
+
 
 _PARTS = re.compile(r"\{strip\}|\{flight\}|\*|\?|.", re.DOTALL)
 

@@ -16,8 +16,11 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
 from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.deliveries.angles_of_heads import of_the_body
-from tasks.deliveries.declared_flights import with_declared_flights
-from tasks.deliveries.declared_strips import with_declared_names
+from tasks.deliveries.declared_strips import (
+    with_declared_flights,
+    with_declared_names,
+    with_declared_solutions,
+)
 from tasks.deliveries.exposure_angles import (
     ConvertedAngles,
     body_rates,
@@ -28,7 +31,6 @@ from tasks.deliveries.exposure_angles import (
 )
 from tasks.deliveries.extra_columns import about_extra, joined
 from tasks.deliveries.file_statement import refuse_other_statement
-from tasks.deliveries.gnss_solutions import with_declared_solutions
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.length_units import exposures_in_metres
 from tasks.deliveries.map_adjustment import true_orientations

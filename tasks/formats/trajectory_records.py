@@ -1,7 +1,8 @@
 """What readers of trajectories, of their accuracies and of events return.
 
 A trajectory is a series of samples on a clock; events are the times of the exposures on a clock. Which
-clocks these are the files mostly do not say: the project file declares it (`tasks.deliveries.event_times`).
+clocks these are the files mostly do not say: the project file declares it
+(`tasks.deliveries.trajectory_window`).
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from flows.server.door import basic, door_of
-from flows.server.guard import Guard
+from flows.server.prefect_server import Guard
 
 DOOR = door_of("ann:secret", [], [])
 KNOWN = {"Authorization": basic(DOOR.password)}
