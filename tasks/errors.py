@@ -88,10 +88,3 @@ class NotComputableError(AerocalError):
 
     def __str__(self) -> str:
         return self.what
-
-
-@dataclass(frozen=True)
-class Problem:
-    """A finding that does not stop the run: a plain sentence that names what and what it means."""
-
-    sentence: str

@@ -6,11 +6,11 @@ import tempfile
 from pathlib import Path
 
 from rich.console import Console
-from rich.text import Text
 
 from flows.command.exit_code import DONE
 from flows.command.export_execution import show_export
 from flows.command.progress import show_progress
+from flows.command.screen_table import print_listed
 from flows.runs.project_run import RunRequest
 from flows.stories.block_conversion import converted_block
 from tasks.handover.export import chosen_format, chosen_world
@@ -46,7 +46,6 @@ def convert_and_show(
             store.begin_run()
             written, remarks = converted_block(project, store, to, folder, world)
     console = Console()
-    for sentence in remarks:
-        console.print(Text(f"• {sentence}", style="yellow"))
+    print_listed(console, remarks, "yellow")
     show_export(console, written)
     return DONE

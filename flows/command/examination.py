@@ -14,6 +14,7 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE
 from flows.command.progress import show_progress
+from flows.command.screen_table import print_listed
 from flows.runs.project_run import RunRequest
 from flows.stories.examination import Examination, ListedMistake, examine_everything
 from tasks.files.json_text import JSON, json_text
@@ -150,8 +151,7 @@ def _show(found: Examination) -> None:
         _show_mistake(console, number, mistake)
     if problems:
         console.print(Text("\nRemarks:", style="bold"))
-    for sentence in problems:
-        console.print(Text(f"• {sentence}", style="yellow"))
+    print_listed(console, problems, "yellow")
     for table in examination_tables({finding.subject: finding.figures for finding in found.findings}):
         console.print(table)
 

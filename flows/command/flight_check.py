@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.options import Seed, SpecificationOverrides
 
 
 def flight_check(
@@ -17,11 +18,8 @@ def flight_check(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the simulated project.")] = Path(
         "flight-check"
     ),
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the specification. Repeatable."),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of all random numbers.", min=0)] = None,
+    overrides: SpecificationOverrides = None,
+    seed: Seed = None,
     calibrate: Annotated[
         bool, typer.Option("--calibrate", help="Run the system calibration and its checks.")
     ] = False,

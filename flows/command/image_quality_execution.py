@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from flows.command.execution import ended, outcome_of
-from flows.command.screen_table import figure, screen_table
+from flows.command.screen_table import figure, print_listed, screen_table
 from flows.runs.examination_request import ExaminationRequest
 from flows.runs.project_run import RunOutcome
 from flows.stories.image_quality import image_quality, stages_of
@@ -38,8 +38,7 @@ def execute_image_quality(
 def _show(outcome: RunOutcome) -> None:
     """Problems, a line for each band of scenes, and where the page is."""
     console, summary = Console(), outcome.summary
-    for sentence in summary.problems:
-        console.print(Text(f"• {sentence}", style="yellow"))
+    print_listed(console, summary.problems, "yellow")
     for gate in summary.gates:
         if not gate.passed:
             value = "none" if gate.value is None else f"{gate.value:g}"

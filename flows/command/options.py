@@ -30,6 +30,17 @@ Overrides: TypeAlias = Annotated[
     ),
 ]
 
+SpecificationOverrides: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace a value of the specification, e.g. [bold]--set noise.level=0[/bold]. Repeatable.",
+    ),
+]
+
+Seed: TypeAlias = Annotated[int | None, typer.Option(metavar="N", help="Seed of all random numbers.", min=0)]
+
 Data: TypeAlias = Annotated[
     Path | None,
     typer.Option(

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE, INPUT_ERROR, complain
 from flows.command.registry_words import changes_table
+from flows.command.screen_table import print_listed
 from tasks.errors import InputError
 from tasks.files.installation import writing_into
 from tasks.files.json_text import json_text
@@ -60,8 +61,7 @@ def _say_examined(added: RadiometricResult, known: Sequence[RadiometricResult]) 
     console.print(
         Text(f"Against result {own[-1].id}: {len(drifted)} of {len(compared)} quantities have changed.")
     )
-    for one in drifted:
-        console.print(Text(f"• {one.sentence}", style="yellow"))
+    print_listed(console, (one.sentence for one in drifted), "yellow")
 
 
 def _say_added(added: StoredCalibration) -> None:
@@ -72,8 +72,7 @@ def _say_added(added: StoredCalibration) -> None:
     console.print(Text(f"Verification code {added.sealed.digest}"), soft_wrap=True)
     if added.record.verdict == "refused":
         console.print(Text("The calibration was refused:", style="yellow"))
-    for reason in added.record.reasons:
-        console.print(Text(f"• {reason}", style="yellow"))
+    print_listed(console, added.record.reasons, "yellow")
     if not camera.numbers:
         sentence = (
             f"It contains no serial number of body or lens, so any camera named '{camera.name}' is "
@@ -129,8 +128,7 @@ def show_comparison(approval: Approval, console: Console) -> None:
     )
     if test.changes:
         console.print(changes_table(test))
-    for sentence in test.sentences:
-        console.print(Text(f"• {sentence}", style="" if test.agrees else "yellow"))
+    print_listed(console, test.sentences, "" if test.agrees else "yellow")
 
 
 def export_calibration(number: str, out: Path | None, address: str | None) -> int:
@@ -175,8 +173,7 @@ def verify_registry(since: str | None, address: str | None, *, as_json: bool) ->
             Console().print(Text(words), soft_wrap=True)
         return DONE
     if not as_json:
-        for sentence in sentences:
-            Console(stderr=True).print(Text(f"• {sentence}"), soft_wrap=True)
+        print_listed(Console(stderr=True), sentences, wrap=False)
     complain(
         f"{len(sentences)} thing{'s' * (len(sentences) > 1)} in the registry {found.database.address} "
         "not written by aerocal. Restore it from a backup."

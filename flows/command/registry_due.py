@@ -12,7 +12,7 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE, GATE_FAILED
 from flows.command.registry_actions import opened
-from flows.command.screen_table import screen_table
+from flows.command.screen_table import print_listed, screen_table
 from tasks.errors import InputError
 from tasks.files.json_text import json_text
 from tasks.nearest_name import did_you_mean
@@ -40,8 +40,7 @@ def show_due(
     else:
         console = Console()
         console.print(_table(watch.cameras))
-        for sentence in watch.sentences:
-            console.print(Text(f"• {sentence}", style="yellow" if watch.due else "green"), soft_wrap=True)
+        print_listed(console, watch.sentences, "yellow" if watch.due else "green", wrap=False)
     return GATE_FAILED if watch.due else DONE
 
 

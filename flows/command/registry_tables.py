@@ -21,7 +21,7 @@ from flows.command.registry_words import (
     history_table,
     parameters_table,
 )
-from flows.command.screen_table import facts_table, screen_table
+from flows.command.screen_table import facts_table, print_listed, screen_table
 from tasks.document_kit.table import Number, decimals_for
 from tasks.documents.time_series.page import write_time_series
 from tasks.documents.time_series.plot import LIMIT
@@ -29,7 +29,7 @@ from tasks.errors import InputError
 from tasks.files.json_text import json_text
 from tasks.quantities import shown
 from tasks.registry.approval import predecessor
-from tasks.registry.compatibility import Compatibility, compatibility
+from tasks.registry.compatibility import compatibility
 from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.radiometric import RadiometricResult, changes
@@ -53,8 +53,7 @@ def list_calibrations(camera: str | None, address: str | None, *, as_json: bool)
         print_radiometric(examined)
     if not contents.findings:
         return DONE
-    for finding in contents.findings:
-        Console(stderr=True).print(Text(f"• {finding.sentence}"), soft_wrap=True)
+    print_listed(Console(stderr=True), (finding.sentence for finding in contents.findings), wrap=False)
     complain("The registry was edited, see above. Restore it from a backup.")
     return INPUT_ERROR
 
@@ -117,8 +116,7 @@ def _show_one(item: StoredCalibration, contents: Contents) -> None:
     console, record = Console(), item.record
     console.print(Text(f"\nCalibration {item.id}: {item.camera.label}, version {item.version}", "bold"))
     console.print(_facts(item))
-    for sentence in (*record.reasons, *record.remarks):
-        console.print(Text(f"• {sentence}", style="yellow"))
+    print_listed(console, (*record.reasons, *record.remarks), "yellow")
     start = item.approval.validity.start if item.approval and item.approval.validity else None
     before = predecessor(contents, item, Validity(start or item.flown or date.max))
     test = None if before is None else compatibility(record, before.record)
@@ -126,15 +124,10 @@ def _show_one(item: StoredCalibration, contents: Contents) -> None:
     console.print(parameters_table(item, test))
     if before is not None and test is not None:
         console.print(Text(f"\nAgainst {before.label}", "bold"))
-        _say(console, test)
+        print_listed(console, test.sentences, "" if test.agrees else "yellow")
     console.print(Text("\nHistory", "bold"))
     console.print(history_table(item))
     console.print(Text(f"\nVerification code {item.sealed.digest}"), soft_wrap=True)
-
-
-def _say(console: Console, test: Compatibility) -> None:
-    for sentence in test.sentences:
-        console.print(Text(f"• {sentence}", style="" if test.agrees else "yellow"))
 
 
 def _facts(item: StoredCalibration) -> Table:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from rich import box
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -47,6 +48,14 @@ def facts_table(rows: Iterable[tuple[str, str]]) -> Table:
     for name, value in rows:
         table.add_row(name, value)
     return table
+
+
+def print_listed(
+    console: Console, sentences: Iterable[object], style: str = "", *, wrap: bool = True
+) -> None:
+    """Print sentences one below the other; `wrap`: in lines as long as the screen is wide."""
+    for sentence in sentences:
+        console.print(Text(f"• {sentence}", style=style), soft_wrap=not wrap)
 
 
 def figure(value: float | None, decimals: int) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.options import Seed, SpecificationOverrides
 
 
 def simulate(
@@ -15,15 +16,8 @@ def simulate(
         str, typer.Argument(metavar="PRESET|SPEC.toml", help="Name of a preset, or a specification.")
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the project.")],
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Replace a value of the specification, e.g. [bold]--set noise.level=0[/bold]. Repeatable.",
-        ),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(metavar="N", help="Seed of all random numbers.", min=0)] = None,
+    overrides: SpecificationOverrides = None,
+    seed: Seed = None,
 ) -> None:
     """Simulate a block: an ordinary project, with its true values in DIR/truth.
 

@@ -12,7 +12,7 @@ from flows.command.calibration_table import calibration_verdict
 from flows.command.exit_code import DONE, GATE_FAILED, OF_STATUS, complain
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.progress import show_progress
-from flows.command.screen_table import screen_table
+from flows.command.screen_table import print_listed, screen_table
 from flows.runs.project_run import RunOutcome
 from flows.stories.flight_check import flight_check
 from tasks.quantities import COMPONENTS, Shown, shown
@@ -129,8 +129,7 @@ def _verdict(console: Console, comparison: TruthComparison, outcome: RunOutcome)
     contradictions = comparison.contradictions()
     if contradictions:
         console.print(Text("\nThe result contradicts the truth:", style="bold red"))
-        for sentence in contradictions:
-            console.print(Text(f"• {sentence}", style="red"))
+        print_listed(console, contradictions, "red")
     else:
         console.print(Text(f"\n{comparison.agreement()}", style="bold green"))
     checked = outcome.summary.direct_georeferencing is not None

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, date, datetime
 from typing import Any, Generic, TypeVar
 
 from flows.server.api import Api
@@ -22,9 +22,6 @@ from tasks.registry.due import DueLimits
 from tasks.registry.registry import Registry
 from tasks.registry.watch import RegistryWatch, watch_of
 from tasks.settings.registry import registry_address
-
-#: From when on a run that should have started is late, as the server counts.
-LATE = timedelta(seconds=15)
 
 
 @dataclass(frozen=True)

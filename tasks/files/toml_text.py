@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 TomlValue: TypeAlias = "str | int | float | bool | Sequence[TomlValue] | Mapping[str, TomlValue]"
-
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def toml_text(content: Mapping[str, TomlValue]) -> str:
