@@ -38,7 +38,7 @@ def chart(
     about : number of ticks along.
     """
     top, bottom = sorted((y.start, y.end))
-    legend, end = swatches(x.start, bottom + 48, heading, entries, x.end - x.start)
+    legend, end = swatches(x.start, bottom + 48, heading, entries, RIGHT - x.start)
     return markup.svg(
         axes.WIDTH,
         end + 4,

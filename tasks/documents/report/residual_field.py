@@ -17,7 +17,8 @@ from tasks.document_kit import axes, markup
 from tasks.document_kit.axes import round_length
 from tasks.document_kit.format_plot import FormatPlot
 from tasks.document_kit.legend import arrow_scale
-from tasks.document_kit.table import Column, Row, Table, numbers, text_column
+from tasks.document_kit.row_table import number_of, table_of, text_of
+from tasks.document_kit.table import Table
 from tasks.documents.report.material import Material
 
 _MM = 1e3
@@ -192,32 +193,23 @@ def field_vectors(field: ResidualField, vectors: Vectors, plot: FormatPlot, per_
 
 def field_table(fields: Sequence[ResidualField], confidence: float) -> Table:
     """Figures of the residuals of each camera; `confidence` is that of the tests."""
-    columns = (
-        text_column("camera", "camera"),
-        Column("image_points", "image points"),
-        Column("rms_x_um", "RMS x", "µm"),
-        Column("rms_y_um", "RMS y", "µm"),
-        Column("rms_x_px", "RMS x", "px"),
-        Column("rms_y_px", "RMS y", "px"),
-        Column("cells", "sub-areas with a mean"),
-        Column("significant", "of them significant"),
-        Column("by_chance", "expected by chance"),
-        Column("largest_um", "largest mean", "µm"),
+
+    def px(field: ResidualField, axis: int) -> float:
+        return field.rms_um[axis] / (field.camera.pixel_size * 1e6)
+
+    shown = (
+        text_of("camera", "camera", lambda field: field.camera.name),
+        number_of("image_points", "image points"),
+        number_of("rms_x_um", "RMS x", "µm", 2, of=lambda field: field.rms_um[0]),
+        number_of("rms_y_um", "RMS y", "µm", 2, of=lambda field: field.rms_um[1]),
+        number_of("rms_x_px", "RMS x", "px", 3, of=lambda field: px(field, 0)),
+        number_of("rms_y_px", "RMS y", "px", 3, of=lambda field: px(field, 1)),
+        number_of("cells", "sub-areas with a mean", of=lambda field: field.mean.drawn.sum()),
+        number_of("significant", "of them significant", of=lambda field: field.significant.sum()),
+        number_of(
+            "by_chance", "expected by chance", of=lambda field: (1.0 - confidence) * field.mean.drawn.sum()
+        ),
+        number_of("largest_um", "largest mean", "µm", 2, of=lambda field: field.mean.largest_um),
     )
-    rows = []
-    for field in fields:
-        pixel_um, known = field.camera.pixel_size * 1e6, float(field.mean.drawn.sum())
-        rows.append(
-            Row(
-                field.camera.name,
-                (
-                    field.camera.name,
-                    *numbers((float(field.image_points),), 0),
-                    *numbers(field.rms_um, 2),
-                    *numbers((v / pixel_um for v in field.rms_um), 3),
-                    *numbers((known, float(field.significant.sum()), (1.0 - confidence) * known), 0),
-                    *numbers((field.mean.largest_um,), 2),
-                ),
-            )
-        )
-    return Table("image-residuals", "Image residuals by camera", columns, tuple(rows))
+    caption = "Image residuals by camera"
+    return table_of("image-residuals", caption, shown, fields, lambda field: str(field.camera.name))
