@@ -17,15 +17,15 @@ from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import exp
 from tasks.errors import Location
-from tasks.files.json_text import from_json
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
+from tasks.formats.json_value import JsonValue, json_value
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.opensfm_rigs import opensfm_rigs
 from tasks.formats.plain_lines import numbered_lines
@@ -99,22 +99,19 @@ class _Shots(NamedTuple):
 def _shots(path: Path) -> _Shots:
     """The shots of a reconstruction, the rest of which is not kept; no reference of a local one."""
     one = _reconstruction(path)
-    shots = _table(path, one, "shots")
-    camera: list[str | None] = []
+    cameras: dict[str, str | None] = {}
     turn, shift = array("d"), array("d")
-    for name, given in shots.items():
-        shot = _as_table(path, given, name)
-        turn.extend(_vector(path, shot, "rotation", name))
-        shift.extend(_vector(path, shot, "translation", name))
-        camera.append(str(shot["camera"]) if "camera" in shot else None)
-    found = opensfm_rigs(path, one, dict(zip(shots, camera, strict=True)))
-    camera = [found.camera.get(image, own) for image, own in zip(shots, camera, strict=True)]
+    for name, shot in one["shots"].entries():
+        turn.extend(shot["rotation"].numbers(3))
+        shift.extend(shot["translation"].numbers(3))
+        cameras[name] = str(shot["camera"].value) if shot.has("camera") else None
+    found = opensfm_rigs(one, cameras)
+    camera = [found.camera.get(image, own) for image, own in cameras.items()]
     reference: list[float] = []
-    if "reference_lla" in one:
-        place = _table(path, one, "reference_lla")
-        names = ("latitude", "longitude", "altitude")
-        reference = [_number(path, place.get(name), f"reference_lla.{name}") for name in names]
-    return _Shots(list(shots), camera, table_of(turn, 3), table_of(shift, 3), reference, found.rigs)
+    if one.has("reference_lla"):
+        place = one["reference_lla"]
+        reference = [place[name].number() for name in ("latitude", "longitude", "altitude")]
+    return _Shots(list(cameras), camera, table_of(turn, 3), table_of(shift, 3), reference, found.rigs)
 
 
 def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
@@ -127,42 +124,33 @@ def read_opensfm_cameras(path: Path) -> Mapping[str, PixelCamera]:
     """
     found = {}
     one = _reconstruction(path)
-    for name, given in _table(path, one, "cameras").items():
-        camera = _as_table(path, given, name)
-        kind = camera.get("projection_type")
+    for name, camera in one["cameras"].entries():
+        kind = camera["projection_type"].value if camera.has("projection_type") else None
         if kind not in ("perspective", "brown"):
             raise Location(path, entity=name).error(
                 f"The camera is '{kind}', but only perspective and brown cameras are supported.",
                 "Leave it out.",
             )
-        columns, rows = (int(_number(path, camera.get(key), f"{name}.{key}")) for key in ("width", "height"))
+        columns, rows = (int(camera[key].number()) for key in ("width", "height"))
         longer = max(columns, rows)
-        focal = "focal" if kind == "perspective" else "focal_y"
-        c = _number(path, camera.get(focal), f"{name}.{focal}")
+        c = camera["focal" if kind == "perspective" else "focal_y"].number()
         if c <= 0.0 or columns <= 0 or rows <= 0:
             raise Location(path, entity=name).error("A focal length or size is not positive.", "Correct it.")
-        values = {
-            key: _number(path, camera[key], f"{name}.{key}")
-            for key in ("k1", "k2", "k3", "p1", "p2")
-            if key in camera
-        }
+        values = {key: camera[key].number() for key in ("k1", "k2", "k3", "p1", "p2") if camera.has(key)}
         if kind == "brown":
-            values["b1"] = _number(path, camera.get("focal_x"), f"{name}.focal_x") / c - 1.0
-        x0, y0 = (longer * _number(path, camera.get(key, 0.0), f"{name}.{key}") for key in ("c_x", "c_y"))
+            values["b1"] = camera["focal_x"].number() / c - 1.0
+        x0, y0 = (longer * camera[key].number() if camera.has(key) else 0.0 for key in ("c_x", "c_y"))
         known = {f"brown-forward:{key}": value for key, value in values.items() if value}
         found[name] = PixelCamera(columns, rows, longer * c, (x0, 0.0 - y0), known)
     # Heads with the same camera model have it each.
-    heads = opensfm_rigs(path, one, _models(one)).models
+    heads = opensfm_rigs(one, _models(one)).models
     return {**found, **{name: found[model] for name, model in heads.items() if model in found}}
 
 
-def _models(one: Mapping[str, object]) -> dict[str, str | None]:
-    """Shot → its camera model."""
-    shots = one.get("shots")
-    return {
-        name: str(shot["camera"]) if isinstance(shot, dict) and "camera" in shot else None
-        for name, shot in (shots.items() if isinstance(shots, dict) else ())
-    }
+def _models(one: JsonValue) -> dict[str, str | None]:
+    """The camera of each shot, as far as they are told."""
+    shots = one["shots"].entries() if one.has("shots") else []
+    return {name: str(shot["camera"].value) if shot.has("camera") else None for name, shot in shots}
 
 
 def read_opensfm_tracks(path: Path) -> ImagePointRecords:
@@ -296,42 +284,12 @@ def _with_crs(path: Path) -> tuple[str, Iterator[tuple[int, str]]]:
     return crs, rows
 
 
-def _reconstruction(path: Path) -> Mapping[str, object]:
-    try:
-        found = from_json(read_bytes(path, "document"))
-    except ValueError as error:
-        raise Location(path).error(f"This is not JSON: {error}.", "Deliver the file again.") from error
-    if not isinstance(found, list) or len(found) != 1 or not isinstance(found[0], dict):
-        count = len(found) if isinstance(found, list) else 0
+def _reconstruction(path: Path) -> JsonValue:
+    found = json_value(path, read_bytes(path, "document"))
+    one = found.items()
+    if len(one) != 1:
         raise Location(path).error(
-            f"The file has {count} reconstructions, but only one can be read.",
+            f"The file has {len(one)} reconstructions, but only one can be read.",
             "Deliver a file with the required one only.",
         )
-    return cast("Mapping[str, object]", found[0])
-
-
-def _table(path: Path, of: Mapping[str, object], key: str) -> Mapping[str, object]:
-    return _as_table(path, of.get(key), key)
-
-
-def _as_table(path: Path, value: object, name: str) -> Mapping[str, object]:
-    if not isinstance(value, dict):
-        raise Location(path).error(
-            f"There are no {name} in the file.", "Check that it is reconstruction.json."
-        )
-    return cast("Mapping[str, object]", value)
-
-
-def _vector(path: Path, of: Mapping[str, object], key: str, name: str) -> list[float]:
-    value = of.get(key)
-    if not isinstance(value, list) or len(value) != 3:
-        raise Location(path, entity=name).error(
-            f"The shot has no {key} of three numbers.", "Deliver it again."
-        )
-    return [_number(path, one, f"{key} of {name}") for one in value]
-
-
-def _number(path: Path, value: object, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise Location(path).error(f"{what} is not a number.", "Deliver the file again.")
-    return number_of(path, repr(value), 1, what)
+    return one[0]

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -35,13 +34,12 @@ class OpenSfmRigs:
     models: Mapping[str, str] = field(default_factory=dict)
 
 
-def opensfm_rigs(
-    path: Path, reconstruction: Mapping[str, object], models: Mapping[str, str | None]
-) -> OpenSfmRigs:
+def opensfm_rigs(whole: JsonValue, models: Mapping[str, str | None]) -> OpenSfmRigs:
     """The rigs of a reconstruction, where any instance has several shots.
 
     Parameters
     ----------
+    whole : the reconstruction.
     models : shot → its camera model.
 
     Raises
@@ -49,7 +47,6 @@ def opensfm_rigs(
     InputError
         If what it says of rigs is damaged; as of `tasks.formats.rigs`.
     """
-    whole = JsonValue(path, "", reconstruction)
     if not whole.has("rig_instances"):
         return OpenSfmRigs()
     instances = {
@@ -74,7 +71,7 @@ def opensfm_rigs(
         for name, shots in instances.items()
         if shots
     ]
-    found = rigs_of(path, heads, events, models)
+    found = rigs_of(whole.file, heads, events, models)
     camera = {
         shot: names[head] for shots in instances.values() for shot, head in shots.items() if head in names
     }
