@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,24 @@ class BlockPoints:
     def rays(self) -> Ints:
         """(p,) number of image points of each object point."""
         return np.bincount(self.point, minlength=len(self.names)).astype(np.int64)
+
+    @property
+    def rays_of_points(self) -> list[Ints]:
+        """The image points of each point, in the order of their images."""
+        order = np.argsort(self.point, kind="stable")
+        ends = np.searchsorted(self.point[order], np.arange(len(self.names) + 1))
+        return [order[first:end] for first, end in pairwise(ends)]
+
+    @property
+    def surveyed_at(self) -> dict[str, int]:
+        """Place of each surveyed point among the surveyed ones."""
+        return {name: k for k, name in enumerate(self.surveyed.names)}
+
+    def numbered(self, first: int = 0) -> list[list[object]]:
+        """Number, name and role (check, control or tie) of each point."""
+        role = {k: "check" if check else "control" for k, check in enumerate(self.surveyed.check)}
+        at = self.surveyed_at
+        return [[k, name, role.get(at.get(name, -1), "tie")] for k, name in enumerate(self.names, first)]
 
     @property
     def is_surveyed(self) -> np.ndarray:

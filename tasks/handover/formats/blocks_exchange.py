@@ -75,12 +75,10 @@ def _add_group(groups: ElementTree.Element, delivery: Delivery, model: LensModel
 def _add_points(block: ElementTree.Element, delivery: Delivery) -> list[str]:
     """Complete surveyed points as control or check points; the names of all others, which are tie points."""
     points, measured = delivery.points, pixels(delivery)
-    order = np.argsort(points.point, kind="stable")
-    ends = np.searchsorted(points.point[order], np.arange(len(points.names) + 1))
-    surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
+    surveyed = points.surveyed_at
     control, ties = _add(block, "ControlPoints"), _add(block, "TiePoints")
     names = []
-    for number, name in enumerate(points.names):
+    for number, (name, rays) in enumerate(zip(points.names, points.rays_of_points, strict=True)):
         at = surveyed.get(name)
         known = at is not None and np.isfinite(points.surveyed.local[at]).all()
         item = _add(control, "ControlPoint") if known else _add(ties, "TiePoint")
@@ -96,7 +94,7 @@ def _add_points(block: ElementTree.Element, delivery: Delivery) -> list[str]:
         else:
             names.append(name)
             _fill(_add(item, "Position"), _xyz(points.local[number], METRES + 2))
-        for ray in order[ends[number] : ends[number + 1]]:
+        for ray in rays:
             x, y = fixed(measured[ray] - 0.5, _PIXEL_DECIMALS)
             _fill(_add(item, "Measurement"), {"PhotoId": str(points.image[ray]), "x": x, "y": y})
     return names

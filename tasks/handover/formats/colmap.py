@@ -38,7 +38,7 @@ def write_colmap(delivery: Delivery) -> Files:
         "cameras.txt": "\n".join(["# CAMERA_ID MODEL WIDTH HEIGHT PARAMS", *cameras]) + "\n",
         "images.txt": _images(delivery, names),
         "points3D.txt": _points(delivery),
-        "points.csv": table(["POINT3D_ID", "point", "role"], _names(delivery)),
+        "points.csv": table(["POINT3D_ID", "point", "role"], delivery.points.numbered(first=1)),
         **renamed("images.csv", "image", names, delivery.names),
         **_rigs(delivery),
     }
@@ -98,12 +98,9 @@ def _points(delivery: Delivery) -> str:
     # Place of every image point in its image.
     first = np.searchsorted(points.image, points.image)
     place = np.arange(len(points.image)) - first
-    order = np.argsort(points.point, kind="stable")
-    ends = np.searchsorted(points.point[order], np.arange(len(points.names) + 1))
     error = _errors(delivery)
     lines = ["# POINT3D_ID X Y Z R G B ERROR, then IMAGE_ID POINT2D_IDX of its track"]
-    for k, position in enumerate(points.local):
-        rays = order[ends[k] : ends[k + 1]]
+    for k, (position, rays) in enumerate(zip(points.local, points.rays_of_points, strict=True)):
         track = " ".join(f"{points.image[ray] + 1} {place[ray]}" for ray in rays)
         mean = float(error[rays].mean()) if len(rays) else 0.0
         lines.append(f"{k + 1} {' '.join(fixed(position, METRES + 2))} {_GREY} {mean:.4f} {track}".rstrip())
@@ -119,12 +116,3 @@ def _errors(delivery: Delivery) -> Floats:
         delivery.lenses, delivery.results.images.camera[points.image], in_camera + translation[points.image]
     )
     return np.asarray(np.linalg.norm(pixels(delivery) - computed, axis=1))
-
-
-def _names(delivery: Delivery) -> list[list[object]]:
-    surveyed = dict(zip(delivery.points.surveyed.names, delivery.points.surveyed.check, strict=True))
-    role = {True: "check", False: "control", None: "tie"}
-    return [
-        [number, name, role[None if name not in surveyed else bool(surveyed[name])]]
-        for number, name in enumerate(delivery.points.names, start=1)
-    ]

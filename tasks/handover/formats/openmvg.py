@@ -59,21 +59,9 @@ def write_openmvg(delivery: Delivery) -> Files:
         "structure": structure,
         "control_points": control,
     }
-    points = delivery.points
-    surveyed = dict(zip(points.surveyed.names, points.surveyed.check, strict=True))
-    rows = [
-        [
-            k,
-            name,
-            {None: "tie", True: "check", False: "control"}[
-                None if name not in surveyed else bool(surveyed[name])
-            ],
-        ]
-        for k, name in enumerate(points.names)
-    ]
     return {
         "sfm_data.json": json.dumps(found, indent=1) + "\n",
-        "openmvg_points.csv": table(["number", "point", "role"], rows),
+        "openmvg_points.csv": table(["number", "point", "role"], delivery.points.numbered()),
     }
 
 
@@ -95,13 +83,10 @@ def _intrinsic(number: int, model: LensModel) -> dict[str, object]:
 def _points(delivery: Delivery) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
     """Structure, and surveyed points that are control; each with its observations."""
     points, measured = delivery.points, pixels(delivery)
-    order = np.argsort(points.point, kind="stable")
-    ends = np.searchsorted(points.point[order], np.arange(len(points.names) + 1))
-    surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
+    surveyed = points.surveyed_at
     structure: list[dict[str, object]] = []
     control: list[dict[str, object]] = []
-    for k, name in enumerate(points.names):
-        rays = order[ends[k] : ends[k + 1]]
+    for k, (name, rays) in enumerate(zip(points.names, points.rays_of_points, strict=True)):
         seen = [
             {"key": int(points.image[ray]), "value": {"id_feat": k, "x": measured[ray].tolist()}}
             for ray in rays

@@ -105,7 +105,7 @@ def _rigs(delivery: Delivery) -> tuple[dict[str, object], dict[str, str]]:
 def _on_earth(delivery: Delivery, frame: TopocentricFrame) -> dict[str, str]:
     """The files that OpenDroneMap reads next to its images."""
     files, points = {}, delivery.points
-    surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
+    surveyed = points.surveyed_at
     measured, rows = pixels(delivery) - _CENTRE, []
     for ray, (image, point) in enumerate(zip(points.image, points.point, strict=True)):
         at = surveyed.get(points.names[point])

@@ -175,7 +175,7 @@ def _marked(
 ) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
     """Surveyed points with their marks: complete ones, and others."""
     points, measured = delivery.points, pixels(delivery)
-    surveyed = {name: k for k, name in enumerate(points.surveyed.names)}
+    surveyed = points.surveyed_at
     gcps, mtps = [], []
     for number in np.flatnonzero(points.is_surveyed):
         name = points.names[number]
