@@ -13,12 +13,13 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from functools import cached_property, partial, update_wrapper, wraps
-from typing import Any, Generic, ParamSpec, TypeAlias, TypeVar
+from typing import Any, Generic, Literal, ParamSpec, TypeAlias, TypeVar
 
 from tasks.errors import AerocalError, InputError, NotComputableError
 
 #: Names of the failed states of a task or flow, by the error that leads to them.
-STATE_NAMES: Mapping[type[AerocalError], str] = {
+FailedState: TypeAlias = Literal["InputError", "NotComputable", "Failed"]
+STATE_NAMES: Mapping[type[AerocalError], FailedState] = {
     InputError: "InputError",
     NotComputableError: "NotComputable",
 }
@@ -204,7 +205,7 @@ def _a_retry_can_help(_task: Any, _task_run: Any, state: Any) -> bool:
     return isinstance(state.data, ConnectionError | TimeoutError)
 
 
-def state_name(error: AerocalError) -> str:
+def state_name(error: AerocalError) -> FailedState:
     """Name of the failed state an expected error ends in."""
     return next((name for kind, name in STATE_NAMES.items() if isinstance(error, kind)), "Failed")
 

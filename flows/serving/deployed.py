@@ -27,6 +27,7 @@ from flows.runs.examination_request import ExaminationRequest  # noqa: E402
 from flows.runs.project_run import RunRequest, StoryName, story_named  # noqa: E402
 from flows.runs.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
 from flows.runs.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
+from flows.runs.stage import state_name  # noqa: E402
 from flows.server.api import configured_api  # noqa: E402
 from flows.server.inbox import (  # noqa: E402
     StoryOfDeliveries,
@@ -42,7 +43,7 @@ from flows.server.roots import (  # noqa: E402
 )
 from flows.server.run_form import RunForm  # noqa: E402
 from flows.serving.registered import identity, show, state_of  # noqa: E402
-from tasks.errors import InputError  # noqa: E402
+from tasks.errors import AerocalError, InputError  # noqa: E402
 from tasks.files.installation import InstallationError  # noqa: E402
 from tasks.production.records import configured_records  # noqa: E402
 from tasks.registry.drift import DriftLimits  # noqa: E402
@@ -115,15 +116,17 @@ def _confined(
         address = configured_results(file, output, roots)
         request = requested(file, out, settings.overrides(), roots=roots.folders, address=address)
         outcome = carry_out_recorded(story_named(story), request, identity())
-    except InputError as error:
-        note_refusal(identity(), project, str(error))
-        show(text_of_refusal(project, "InputError", str(error), identity()))
-        return Failed(name="InputError", message=str(error))
-    except InstallationError as error:
-        show(text_of_refusal(project, "Failed", str(error), identity()))
-        return Failed(message=str(error))
+    except (InputError, InstallationError) as error:
+        if isinstance(error, InputError):
+            note_refusal(identity(), project, str(error))
+        show(text_of_refusal(project, state_name(error), str(error), identity()))
+        return _failed(error)
     show(text_of_outcome(outcome, request, identity()))
     return state_of(outcome)
+
+
+def _failed(error: AerocalError) -> State[None]:
+    return Failed(name=state_name(error), message=str(error))
 
 
 def _story_flow(story: StoryName, description: str) -> "Flow[..., State[None]]":
@@ -221,12 +224,9 @@ def recalibration_due(
     try:
         registry = Registry.at(registry_address(registry_of_runner(configured_roots())))
         watch = watch_of(registry.contents(), date.today(), limits)
-    except InputError as error:
-        tell_recalibration(identity(), "InputError", str(error))
-        return Failed(name="InputError", message=str(error))
-    except InstallationError as error:
-        tell_recalibration(identity(), "Failed", str(error))
-        return Failed(message=str(error))
+    except (InputError, InstallationError) as error:
+        tell_recalibration(identity(), state_name(error), str(error))
+        return _failed(error)
     for sentence in watch.sentences:
         _log.info(sentence)
     message = " ".join(watch.sentences)
@@ -247,7 +247,7 @@ def clean_up(keep_days: Days = KEEP_DAYS, act: Act = "remove") -> State[None]:
     try:
         done = clean_up_below(configured_roots().folders, keep_days, act)
     except InputError as error:
-        return Failed(name="InputError", message=str(error))
+        return _failed(error)
     for sentence in done.sentences:
         _log.info(sentence)
     return Completed(message=" ".join(done.sentences))

@@ -111,34 +111,23 @@ def deployments(settings: Settings) -> list[RunnerDeployment]:
     if settings.inbox is not None:
         story = next(one for one in STORIES if one.name == settings.story)
         made.append(_of(story, ON_DELIVERY, "Started for each complete delivery of the inbox."))
-        made.append(
-            _of(
-                inbox,
-                NIGHTLY,
-                "Searches the inbox and starts runs for new deliveries.",
-                schedule=Cron(settings.cron, timezone=settings.timezone) if settings.cron else None,
-                parameters={"story": settings.story},
-            )
-        )
-    if settings.recalibration_cron is not None:
-        made.append(
-            _of(
-                recalibration_due,
-                RECALIBRATION_DUE,
-                "Searches the registry for calibrations that are due.",
-                schedule=Cron(settings.recalibration_cron, timezone=settings.timezone),
-            )
-        )
-    if settings.keep_days is not None:
-        made.append(
-            _of(
-                clean_up,
-                CLEAN_UP,
-                "Every night.",
-                schedule=Cron(_DAILY, timezone=settings.timezone),
-                parameters={"keep_days": settings.keep_days},
-            )
-        )
+    by_schedule = (
+        (settings.inbox, inbox, NIGHTLY, "Searches the inbox and starts runs for new deliveries."),
+        (
+            settings.recalibration_cron,
+            recalibration_due,
+            RECALIBRATION_DUE,
+            "Searches the registry for calibrations that are due.",
+        ),
+        (settings.keep_days, clean_up, CLEAN_UP, "Every night."),
+    )
+    crons = {NIGHTLY: settings.cron, RECALIBRATION_DUE: settings.recalibration_cron, CLEAN_UP: _DAILY}
+    parameters = {NIGHTLY: {"story": settings.story}, CLEAN_UP: {"keep_days": settings.keep_days}}
+    for wanted, flow, name, words in by_schedule:
+        if wanted is not None:
+            cron = crons[name]
+            schedule = Cron(cron, timezone=settings.timezone) if cron else None
+            made.append(_of(flow, name, words, schedule=schedule, parameters=parameters.get(name)))
     return made
 
 

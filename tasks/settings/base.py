@@ -253,3 +253,11 @@ def _resolve(value: object, info: ValidationInfo) -> Path:
 
 #: The path of an input file: relative to the project file, with ``${NAME}`` from the environment.
 InputPath: TypeAlias = Annotated[Path, BeforeValidator(_resolve)]
+
+
+def _one_or_several(value: object) -> object:
+    return (value,) if isinstance(value, str) else value
+
+
+#: Paths; a single one stands for a list with one.
+InputPaths: TypeAlias = Annotated[tuple[InputPath, ...], BeforeValidator(_one_or_several)]

@@ -9,11 +9,11 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from tasks.plain_text import LONGEST_NAME
-from tasks.settings.base import InputPath, Settings, trouble
+from tasks.settings.base import InputPath, InputPaths, Settings, trouble
 from tasks.settings.cameras import CameraIdentity
 from tasks.settings.coordinates import Positive, Real, Whole
 from tasks.settings.image_motion import MotionSettings
-from tasks.settings.sensor_quality import Images, SensorSettings
+from tasks.settings.sensor_quality import SensorSettings
 
 #: Length of an edge at least, px.
 SHORTEST_EDGE = 20
@@ -43,7 +43,7 @@ class ImageQualitySettings(Settings):
     """
     examined: date | None = None
     """Date of the images, e.g. 2026-09-21, for the certificate."""
-    images: Images = ()
+    images: InputPaths = ()
     """Images of scenes, whose edges and homogeneous areas are examined: one path or a list. All must have the
     same size and bands.
     """

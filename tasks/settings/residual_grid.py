@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from tasks.settings.base import InputPath, Settings
+from tasks.settings.base import InputPaths, Settings
 from tasks.settings.coordinates import Positive, Whole
-
-
-def _one_or_several(value: object) -> object:
-    return (value,) if isinstance(value, str) else value
-
-
-InputPaths: TypeAlias = Annotated[tuple[InputPath, ...], BeforeValidator(_one_or_several)]
 
 
 class ResidualGridSettings(Settings):

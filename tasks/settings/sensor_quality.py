@@ -6,22 +6,15 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from tasks.settings.base import InputPath, Settings, trouble
+from tasks.settings.base import InputPath, InputPaths, Settings, trouble
 from tasks.settings.coordinates import NotNegative, Positive, Whole, one_table_or_several
 
-
-def one_or_several(value: object) -> object:
-    """One path stands for a list with one path."""
-    return (value,) if isinstance(value, str) else value
-
-
-Images = Annotated[tuple[InputPath, ...], BeforeValidator(one_or_several)]
 #: Most defect pixels, single and double columns of the two kinds of sensors: certificate of a DMC (2010).
 PROTOCOL = {"pan": (1000, 50, 4), "multispectral": (36, 1, 0)}
 
 
 class ExposureLevel(Settings):
-    """Images with the same illumination and exposure."""
+    """InputPaths with the same illumination and exposure."""
 
     exposure_ms: NotNegative
     """Exposure time, ms."""
@@ -30,16 +23,16 @@ class ExposureLevel(Settings):
 
 
 class SensorSettings(Settings):
-    """Images of a sensor without a scene, and the limits they must meet."""
+    """InputPaths of a sensor without a scene, and the limits they must meet."""
 
     kind: Literal["pan", "multispectral"]
     """Whose limits apply: panchromatic sensors may have 1000 defect pixels, 50 single and 4 double columns,
     multispectral ones 36, 1 and 0.
     """
-    bright: Images = ()
+    bright: InputPaths = ()
     """Flat images at about half the range."""
-    dark: Images = ()
-    """Images without light."""
+    dark: InputPaths = ()
+    """InputPaths without light."""
     bright_limit: Positive = 0.3
     """Deviation from its neighbours in bright images above which a pixel is defect."""
     dark_limit: Positive | None = None
