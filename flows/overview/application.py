@@ -147,11 +147,12 @@ class Answers:
             run = sources.records.run(run_id)
             if run is None:
                 return None
-            older = sources.records.runs_of_project(run.project_file, _OLDER_RUNS) if run.project_file else ()
-            there = documents_of(run, sources.roots.folders) if sources.records.holds_results(run) else ()
+            file, there = run.project_file, sources.records.holds_results(run)
+            older = sources.records.runs(project_file=file, most=_OLDER_RUNS) if file else ()
+            documents = documents_of(run, sources.roots.folders) if there else ()
         except AerocalError as error:
             return html.Div(str(error), className="detail")
-        return detail_part(run, older, there, datetime.now(UTC), sources.dashboard)
+        return detail_part(run, older, documents, datetime.now(UTC), sources.dashboard)
 
 
 def _outputs(names: str) -> list[Output]:

@@ -122,10 +122,7 @@ def read_inbox(
     complete, waiting, refused = [], [], {}
     for one in folders:
         try:
-            if not os.path.lexists(one / MARKER):
-                waiting.append(one)
-                continue
-            if _has_just_changed(one, still_s):
+            if not os.path.lexists(one / MARKER) or _has_just_changed(one, still_s):
                 waiting.append(one)
                 continue
             trouble = _trouble(one, roots)

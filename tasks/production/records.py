@@ -177,22 +177,18 @@ class Records(Database):
                 _tell(connection, run_id)
 
     def runs(
-        self, states: Collection[str] | None = None, since: datetime | None = None, most: int | None = None
+        self, states: Collection[str] | None = None, most: int | None = None, **of: str
     ) -> tuple[RunRecord, ...]:
         """The runs, the latest first.
 
         Parameters
         ----------
         states : only of these.
-        since : only those that were scheduled then or later.
         most : not more than these.
+        of : only those with these values, such as `project_file`.
         """
-        chosen = select(RUNS).order_by(RUNS.c.scheduled.desc(), RUNS.c.id).limit(most)
-        if states is not None:
-            chosen = chosen.where(RUNS.c.state.in_(sorted(states)))
-        if since is not None:
-            chosen = chosen.where(RUNS.c.scheduled >= since)
-        return self._read(chosen)
+        chosen = select(RUNS).filter_by(**of).order_by(RUNS.c.scheduled.desc(), RUNS.c.id).limit(most)
+        return self._read(chosen if states is None else chosen.where(RUNS.c.state.in_(sorted(states))))
 
     def due(self, now: datetime) -> tuple[RunRecord, ...]:
         """The runs to be restarted automatically, the longest due first.
@@ -205,22 +201,16 @@ class Records(Database):
 
     def run(self, run_id: str) -> RunRecord | None:
         """A run by its number; None if unknown."""
-        return next(iter(self._read(select(RUNS).where(RUNS.c.id == run_id))), None)
+        return next(iter(self.runs(id=run_id)), None)
 
     def of_delivery(self, key: str) -> RunRecord | None:
         """The latest run for a delivery; None if there is none."""
-        chosen = select(RUNS).where(RUNS.c.delivery == key).order_by(RUNS.c.scheduled.desc()).limit(1)
-        return next(iter(self._read(chosen)), None)
+        return next(iter(self.runs(delivery=key, most=1)), None)
 
     def runs_with(self, ids: Sequence[str]) -> tuple[RunRecord, ...]:
         """The known runs among these numbers."""
         parts = (ids[first : first + _BATCH] for first in range(0, len(ids), _BATCH))
         return tuple(run for part in parts for run in self._read(select(RUNS).where(RUNS.c.id.in_(part))))
-
-    def runs_of_project(self, project_file: str, most: int) -> tuple[RunRecord, ...]:
-        """The latest runs on a project file, whatever the story, the latest first."""
-        chosen = select(RUNS).where(RUNS.c.project_file == project_file)
-        return self._read(chosen.order_by(RUNS.c.scheduled.desc(), RUNS.c.id).limit(most))
 
     def latest(self) -> tuple[LatestRun, ...]:
         """The latest run of every story on every project file, without the parts that are slow to read."""

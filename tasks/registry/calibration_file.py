@@ -24,7 +24,7 @@ from tasks.errors import InputError, Location
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.files.json_text import JSON, from_json, json_text
 from tasks.plain_text import trouble_in_tables
-from tasks.results.manifest import MANIFEST, read_manifest
+from tasks.results.manifest import MANIFEST, published_entry
 
 # One camera alone has the short name.
 _FILES = ("calibration.json", "calibration_*.json")
@@ -163,10 +163,7 @@ def require_vouched(file: Path, sha256: str, digest: str, codes: Sequence[str]) 
 
 def _published(file: Path, sha256: str, digest: str) -> bool:
     """Whether a manifest next to a file refers to it; whatever it says must fit."""
-    manifest = read_manifest(file.parent)
-    entry = None
-    if manifest is not None:
-        entry = next((item for item in manifest.artifacts.values() if item.file == file.name), None)
+    entry = published_entry(file)
     if entry is None:
         return False
     if entry.sha256 != sha256:

@@ -24,7 +24,7 @@ from tasks.files.json_text import JSON, from_json, json_text
 from tasks.image_quality.radiometric_record import FILE, RadiometricRecord, digest_of
 from tasks.plain_text import trouble_in_tables
 from tasks.registry.history import BEGINNING
-from tasks.results.manifest import MANIFEST, read_manifest
+from tasks.results.manifest import MANIFEST, published_entry
 
 _REMEDY = "Name the results folder of `aerocal image-quality`."
 #: Change in its standard deviations beyond which a quantity has drifted.
@@ -103,10 +103,7 @@ def read_radiometric(place: Path) -> str | None:
 
 
 def _require_published(file: Path, sha256: str) -> None:
-    manifest = read_manifest(file.parent)
-    entry = None
-    if manifest is not None:
-        entry = next((item for item in manifest.artifacts.values() if item.file == file.name), None)
+    entry = published_entry(file)
     if entry is None or entry.sha256 != sha256:
         raise Location(file).error(
             f"This is not the file that was published: it does not agree with {MANIFEST}.", _REMEDY

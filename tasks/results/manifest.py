@@ -126,6 +126,13 @@ def read_manifest(directory: Path) -> Manifest | None:
         return None
 
 
+def published_entry(file: Path) -> ManifestEntry | None:
+    """What the manifest in its folder says of a file; None: nothing."""
+    manifest = read_manifest(file.parent)
+    entries = () if manifest is None else manifest.artifacts.values()
+    return next((entry for entry in entries if entry.file == file.name), None)
+
+
 def _name(artifact: Artifact, published: Sequence[Artifact]) -> str:
     """Its stem; the name of the file for a page next to a table of the same stem."""
     alone = sum(other.name == artifact.name for other in published) == 1

@@ -165,7 +165,8 @@ def test_runs_come_latest_first_and_can_be_chosen(records: Records) -> None:
     records.begin(replace(RUN, id="1"))
     assert [run.id for run in records.runs()] == ["3", "2", "1", "0"]
     assert [run.id for run in records.runs(states=("Running",))] == ["1"]
-    assert [run.id for run in records.runs(since=NOON + timedelta(hours=2))] == ["3", "2"]
+    assert [run.id for run in records.runs(most=2)] == ["3", "2"]
+    assert [run.id for run in records.runs(id="2")] == ["2"]
 
 
 def test_any_text_comes_back_as_it_was(records: Records) -> None:
