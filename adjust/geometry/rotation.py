@@ -13,6 +13,7 @@ from adjust.arrays import Floats
 
 # Below this angle (rad) the closed forms lose digits and the series (error θ⁴/120) are used.
 _SMALL_ANGLE = 1e-4
+ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def about_x(angle: Floats | float) -> Floats:

@@ -8,12 +8,12 @@ import numpy as np
 
 from adjust.arrays import Floats, Ints
 from adjust.geometry import rotation
+from adjust.geometry.rotation import ENU_FROM_NED
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION
 from adjust.planning.network import PlannedControl, PlannedExposures, PlannedNetwork, PlannedRays
 from adjust.rig import EventMotion, Rig
 from adjust.simulate.survey import spread_order
 from adjust.simulate.terrain import raised
-from adjust.simulate.trajectory import ENU_FROM_NED
 from adjust.simulate.visibility import ImageGeometry, visible_rays
 
 # Part of the half format along the borders in which nothing is measured.

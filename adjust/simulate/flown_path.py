@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.simulate.flight_plan import FlightPlan
-from adjust.simulate.trajectory import ENU_FROM_NED, Trajectory
+from adjust.simulate.trajectory import Trajectory
 
 #: How long the flight is recorded before its first exposure and after its last one, seconds.
 RECORDED = 20.0
@@ -47,7 +47,7 @@ class FlownPath:
 
     def local_from_body(self, time: Floats) -> Floats:
         """Attitudes (n, 3, 3)."""
-        return np.asarray(ENU_FROM_NED @ rotation.ned_from_body(self._angles(time)))
+        return np.asarray(rotation.ENU_FROM_NED @ rotation.ned_from_body(self._angles(time)))
 
     def rate(self, time: Floats) -> Floats:
         """Rates (n, 3) of the body about its axes forward, right, down, rad/s."""
@@ -66,7 +66,7 @@ def flown_path(plan: FlightPlan, flown: Trajectory, flight: int) -> FlownPath:
     """The path of a flight through its exposures."""
     own = np.flatnonzero(plan.flight == flight)
     own = own[np.argsort(flown.time[own], kind="stable")]
-    angles = rotation.to_heading_pitch_roll(ENU_FROM_NED.T @ flown.local_from_body[own])
+    angles = rotation.to_heading_pitch_roll(rotation.ENU_FROM_NED.T @ flown.local_from_body[own])
     angles[:, 0] = np.unwrap(angles[:, 0])
     knots = _Knots([], [], [])
     last = len(own) - 1

@@ -17,8 +17,6 @@ from adjust.geometry.earth import LocalFrame
 from adjust.simulate.flight_plan import FlightPlan
 from adjust.simulate.terrain import raised
 
-ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-
 
 @dataclass(frozen=True)
 class FlightVariation:
@@ -80,7 +78,7 @@ def fly(
     time = plan.time + deviation[:, 0] / plan.speed
     heading = plan.heading + crab[plan.strip] + wobble[:, 2]
     ned_from_body = rotation.ned_from_body(np.stack([heading, wobble[:, 1], wobble[:, 0]], -1))
-    local_from_body = frame.local_from_enu(centre) @ ENU_FROM_NED @ ned_from_body
+    local_from_body = frame.local_from_enu(centre) @ rotation.ENU_FROM_NED @ ned_from_body
     rate = random.standard_normal((n, 3)) * variation.rate
     return Trajectory(centre, local_from_body, time, velocities(centre, time, plan.strip), rate)
 

@@ -23,7 +23,6 @@ from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, loca
 from tasks.deliveries.cameras import frame_cameras
 from tasks.errors import InputError
 
-_ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _BODY = ("roll", "pitch", "yaw")
 AngleOrder = Literal["omega-phi-kappa", "phi-omega-kappa"]
 
@@ -247,7 +246,7 @@ class GivenOrientations:
         """Attitude of the body, R_INS (n, 3, 3); ``order`` is the order of ω, φ, κ."""
         read = rotation.from_omega_phi_kappa if order == "omega-phi-kappa" else rotation.from_phi_omega_kappa
         of_camera = self.local_from_grid @ read(self.angles) @ np.swapaxes(self.body_from_camera, 1, 2)
-        of_body = self.local_from_enu @ _ENU_FROM_NED @ rotation.ned_from_body(self.angles)
+        of_body = self.local_from_enu @ rotation.ENU_FROM_NED @ rotation.ned_from_body(self.angles)
         return np.where(self.is_heading[:, None, None], of_body, of_camera)
 
     def attitude_covariance(self) -> Floats:

@@ -13,6 +13,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import (
+    ENU_FROM_NED,
     from_omega_phi_kappa,
     from_phi_omega_kappa,
     ned_from_body,
@@ -31,7 +32,6 @@ RADIANS_PER_UNIT = {"deg": np.pi / 180.0, "gon": np.pi / 200.0, "rad": 1.0}
 _FULL_TURN = {"deg": 360.0, "gon": 400.0, "rad": 2.0 * np.pi}
 # Values of a full turn may be exceeded by rounding only.
 _SLACK = 1.0 + 1e-9
-_ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,6 +193,6 @@ def _true_heading(angles: Floats, declared: Angles, transfer: Transfer, position
         )
     if transfer.keeps_datum:
         return angles
-    source = _ENU_FROM_NED @ ned_from_body(np.radians(angles))
+    source = ENU_FROM_NED @ ned_from_body(np.radians(angles))
     target = transfer.target_enu_from_source_enu(position) @ source
-    return np.degrees(to_heading_pitch_roll(_ENU_FROM_NED @ target))
+    return np.degrees(to_heading_pitch_roll(ENU_FROM_NED @ target))

@@ -16,9 +16,9 @@ import pyarrow as pa
 from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry.earth import ecef_from_enu, geodetic_from_ecef
 from adjust.geometry.interpolation import Poses
-from adjust.geometry.rotation import to_heading_pitch_roll
+from adjust.geometry.rotation import ENU_FROM_NED, to_heading_pitch_roll
 from tasks.deliveries.trajectory_path import TrajectoryPath, path_of
-from tasks.deliveries.trajectory_window import ENU_FROM_NED, Window, nearest_period, on_clock_of, window_of
+from tasks.deliveries.trajectory_window import Window, nearest_period, on_clock_of, window_of
 from tasks.errors import Location
 from tasks.formats.earth_poses import WGS84, in_degrees
 from tasks.formats.records import ExposureRecords

@@ -17,7 +17,7 @@ import numpy as np
 from adjust.arrays import Bools, Floats
 from adjust.geometry.earth import ecef_from_enu, ecef_from_geodetic
 from adjust.geometry.interpolation import Poses, between
-from adjust.geometry.rotation import log, ned_from_body
+from adjust.geometry.rotation import ENU_FROM_NED, log, ned_from_body
 from tasks.errors import Location
 from tasks.formats.earth_poses import WGS84
 from tasks.formats.trajectory_records import Clock, TrajectoryRecords
@@ -80,7 +80,6 @@ def nearest_period(trajectory: Clock, span: tuple[float, float], time: Floats) -
 
 #: Sample before an event, among its eight; the next one is after it.
 _BEFORE, _SAMPLES = 3, 8
-ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 # Velocities of other axes differ by a good part of the speed, rates by all of what they are.
 _SAME_SPEED, _SLACK_M_S = 0.05, 0.3
 _SAME_RATE, _SLACK_RAD_S = 0.5, np.deg2rad(0.05)

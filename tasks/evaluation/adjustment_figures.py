@@ -8,7 +8,6 @@ import pandas as pd
 from adjust.arrays import Floats
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import Quantity
-from adjust.quality.global_test import GlobalTest
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.selection.correlation import correlation_matrix
 from tasks.evaluation.result_tables import AdjustedBlock
@@ -72,7 +71,7 @@ def adjustment_figures(
         "given_up_points": [adjusted.block.points[point] for point in result.given_up],
         "sigma_scaled_by": adjusted.sigma0,
         "rejected_control": list(rejected_control(adjusted)),
-        "global_test": _global_test(test).to_json(),
+        "global_test": GlobalTestFigure.model_validate(test, from_attributes=True).to_json(),
         "groups": [_group_figure(group).to_json() for group in result.groups],
         "variance_components": variance_figures(result),
         "correlation_times": correlation_figures(result, settings.correlation_times_s),
@@ -89,12 +88,6 @@ def adjustment_figures(
         ],
         "frame": adjusted.map_frame.description,
     }
-
-
-def _global_test(test: GlobalTest) -> GlobalTestFigure:
-    return GlobalTestFigure(
-        lower=test.lower, upper=test.upper, confidence=test.confidence, passed=test.passed
-    )
 
 
 def _group_figure(group: GroupResult) -> GroupFigure:

@@ -179,10 +179,7 @@ def _group_tests(selection: SelectedAdjustment, text: str) -> Iterator[GroupTest
         test = group_test(selection.full, members, _ERROR_PROBABILITY, selection.sigma0)
         yield GroupTestFigure(
             group=part.title,
-            parameters=test.parameters,
-            statistic=test.statistic,
-            critical=test.critical,
-            probability=test.probability,
+            **vars(test),
             significant=bool(test.is_significant),
         )
 
@@ -202,10 +199,7 @@ def _differences_of_flights(selection: SelectedAdjustment) -> Iterator[FlightTes
             yield FlightTestFigure(
                 first=one.entity,
                 second=two.entity,
-                parameters=test.parameters,
-                statistic=test.statistic,
-                critical=test.critical,
-                probability=test.probability,
+                **vars(test),
                 differ=bool(test.is_significant),
             )
 

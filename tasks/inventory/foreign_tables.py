@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from tasks.formats.foreign_headings import alike
@@ -116,14 +116,6 @@ def _kinds(fields: list[str], layout: TableLayout) -> Iterator[ProposedTable]:
         )
         yield ProposedTable(
             kind,
-            TableLayout(
-                separator=layout.separator,
-                decimal=layout.decimal,
-                columns=found,
-                elsewhere=elsewhere,
-                skip_lines=layout.skip_lines,
-                quote=layout.quote,
-                encoding=layout.encoding,
-            ),
+            replace(layout, columns=found, elsewhere=elsewhere),
             "heading-pitch-roll" if "heading" in needed else "omega-phi-kappa" if "omega" in needed else None,
         )

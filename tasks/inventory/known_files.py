@@ -164,12 +164,6 @@ def _object(value: Mapping[str, object]) -> str | None:
     return "cameras of OpenSfM's rigs: they are read with reconstruction.json" if rigs else None
 
 
-_OPF_PARTS = {
-    "translation", "rotation", "rotation_angles_deg", "definition", "geoid_height", "crs", "coordinates",
-    "sigmas",
-}  # fmt: skip
-
-
 def _buffer(path: Path) -> str | None:
     """The buffer of a glTF file next to it."""
     for other in sorted(path.parent.glob("*.gltf")):

@@ -53,15 +53,7 @@ class CameraBody:
     @classmethod
     def of_record(cls, camera: CalibratedCamera) -> CameraBody:
         """The camera of a record."""
-        return cls(
-            camera.name,
-            camera.identity,
-            camera.columns,
-            camera.rows,
-            camera.pixel_um,
-            camera.mount_deg,
-            camera.calibration_axes_deg,
-        )
+        return cls(**dict(camera))
 
     @classmethod
     def of_project(cls, name: str, camera: CameraInput) -> CameraBody:

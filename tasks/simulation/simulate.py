@@ -20,7 +20,6 @@ from adjust.errors import InconsistentBlockError
 from adjust.geometry import rotation
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.random_streams import RandomStreams, Source
-from adjust.simulate.trajectory import ENU_FROM_NED
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 from tasks.errors import InputError, Location
@@ -181,8 +180,8 @@ def _write_exposures(
 def _heading_pitch_roll(block: SimulatedBlock, frame: AdjustmentFrame) -> Floats:
     """Heading, pitch, roll (n, 3) against true north at the observed positions, radians."""
     local_from_enu = np.asarray(frame.local_from_enu(block.measured.positions))
-    ned_from_body = ENU_FROM_NED.T @ np.swapaxes(local_from_enu, 1, 2) @ block.measured.local_from_body
-    angles = rotation.to_heading_pitch_roll(ned_from_body)
+    enu_from_body = np.swapaxes(local_from_enu, 1, 2) @ block.measured.local_from_body
+    angles = rotation.to_heading_pitch_roll(rotation.ENU_FROM_NED.T @ enu_from_body)
     angles[:, 0] %= 2.0 * np.pi
     return angles
 

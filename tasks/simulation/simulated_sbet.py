@@ -21,7 +21,6 @@ from adjust.geometry.earth import TopocentricFrame
 from adjust.parameters import LEVER_ARM, TIME_OFFSET
 from adjust.simulate.block import SimulatedBlock
 from adjust.simulate.flown_path import FlownPath, flown_path
-from adjust.simulate.trajectory import ENU_FROM_NED
 from tasks.coordinates.local_frame import AdjustmentFrame
 
 # σ of velocities, m/s, which nothing reads.
@@ -121,7 +120,7 @@ class _Antenna:
 def _sbet(antenna: _Antenna, frame: TopocentricFrame, time: Floats) -> bytes:
     position, velocity, attitude, rate = antenna.pose(time)
     geodetic = frame.to_geodetic(position)
-    local_from_ned = frame.local_from_enu(position) @ ENU_FROM_NED
+    local_from_ned = frame.local_from_enu(position) @ rotation.ENU_FROM_NED
     north, east, down = np.einsum("nji,nj->in", local_from_ned, velocity)
     heading, pitch, roll = rotation.to_heading_pitch_roll(np.swapaxes(local_from_ned, 1, 2) @ attitude).T
     wander = _WANDER + (geodetic[:, 1] - frame.longitude) * np.sin(geodetic[:, 0])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from adjust.geometry import rotation
+from adjust.geometry.rotation import ENU_FROM_NED
 from adjust.simulate.block import SimulatedBlock
 from adjust.simulate.flown_path import flown_path
-from adjust.simulate.trajectory import ENU_FROM_NED
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.deliveries.exposures import exposure_columns
