@@ -7,8 +7,8 @@ leave the values alone again, in the server's process only. On SQLite, transacti
 
 The dashboard's pages ask a provider of usage statistics for settings even where statistics are off. A
 Content-Security-Policy lets them speak to their own server and nobody else. In front of all of it stands our
-door (`flows.server.door`, an ASGI application around Prefect's); whoever has passed it is not asked by the pages
-again.
+door (`flows.server.door`, an ASGI application around Prefect's); whoever has passed it is not asked by the
+pages again.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
 from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.deliveries.angles_of_heads import of_the_body
-from tasks.deliveries.declared_strips import (
+from tasks.deliveries.declared_exposures import (
     with_declared_flights,
     with_declared_names,
     with_declared_solutions,

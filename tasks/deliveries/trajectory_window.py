@@ -1,10 +1,8 @@
 """A trajectory around its events: eight samples each, geocentric, and what can be interpolated from them.
 
-Event times on the clock of a trajectory: leap seconds, weeks and days.
-
-Seconds of a week or day are taken to the week or day in which the trajectory has them, so that a flight over
-the end of a week needs no declaration. A trajectory longer than that is refused: an event could then be in
-two places.
+Event times are put onto the clock of the trajectory: leap seconds, weeks and days. Seconds of a week or day
+are taken to the week or day in which the trajectory has them, so that a flight over the end of a week needs
+no declaration. A trajectory longer than that is refused: an event could then be in two places.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """Add calibrations to a registry, approve them, read them; nothing is ever changed or removed.
 
-The last state of a registry seen by this machine: its history may grow, but never shrink.
-
-Whoever owns the database can drop the last event and set the head back; nothing in the registry then shows
-it. What was seen of it is therefore kept elsewhere, in the state folder of this user, and a history that does
-not contain it was cut or rewritten, or comes from an older backup.
+Its history may grow, but never shrink. Whoever owns the database can drop the last event and set the head
+back; nothing in the registry then shows it. What was seen of it is therefore kept elsewhere, in the state
+folder of this user, and a history that does not contain it was cut or rewritten, or comes from an older
+backup.
 """
 
 from __future__ import annotations

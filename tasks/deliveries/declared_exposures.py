@@ -1,8 +1,7 @@
-"""Camera, flight and strips of exposures as declared in the project file, overriding those of the file.
+"""What the project file declares of delivered exposures, overriding their file.
 
-Declarations on delivered flights: parts of one flight, and cameras that were remounted.
-
-Positions without fixed ambiguities: weighted or excluded as declared, and always reported.
+Camera, flight and strips; parts of one flight, and cameras that were remounted; how positions without fixed
+ambiguities are weighted, or that they are excluded, which is always reported.
 """
 
 from __future__ import annotations
