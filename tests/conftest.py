@@ -12,13 +12,17 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import hypothesis
 import pytest
 import threadpoolctl
 
+from tests.chromium import ALONE, chromium
 from tests.postgresql_server import PostgresqlServer, running_server
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 # The workers of pytest-xdist share the processors already; threads of the linear algebra beside them multiply
 # its processor time by up to ten. The variable is for what is loaded later and for programs that tests start.
@@ -199,6 +203,16 @@ def postgresql() -> Iterator[PostgresqlServer]:
     """A PostgreSQL server, once for all tests that need one."""
     with running_server() as server:
         yield server
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A browser that finds no other host than this machine, once for all tests of a file.
+
+    Not for longer: as long as it runs, no other test of its process can start an event loop.
+    """
+    with chromium(ALONE) as browser:
+        yield browser
 
 
 @pytest.fixture

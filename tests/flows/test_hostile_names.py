@@ -7,6 +7,7 @@ import subprocess
 import xml.etree.ElementTree as ElementTree
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 import pytest
@@ -20,8 +21,12 @@ from tasks.documents.time_series.page import write_time_series
 from tasks.registry.registry import Registry
 from tasks.settings.cameras import CameraIdentity
 from tasks.settings.registry import registry_address
+from tests.chromium import complaints
 from tests.flows.hostile_names import CAMERA, IDENTITY, PAYLOADS, PROJECT, fly
 from tests.tasks.registry.records import add, record
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 #: All elements our pages are made of; none of them loads, sends or carries out anything.
 ELEMENTS = frozenset(
@@ -137,27 +142,17 @@ def test_typst_takes_no_name_for_markup(results: Path) -> None:
 
 @pytest.mark.service
 @pytest.mark.parametrize("page", PAGES)
-def test_a_browser_runs_nothing_and_asks_for_nothing(results: Path, page: str) -> None:
-    from playwright.sync_api import sync_playwright
-
-    program = shutil.which("chromium")
-    assert program is not None, "Chromium is missing: make service-deps installs it"
-    happened: list[str] = []
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        try:
-            tab = browser.new_page()
-            tab.on("dialog", lambda dialog: (happened.append(dialog.message), dialog.dismiss()))
-            tab.on("request", lambda request: happened.append(request.url))
-            tab.on("pageerror", lambda error: happened.append(str(error)))
-            tab.on("console", lambda message: happened.append(message.text))
-            tab.goto((results / page).as_uri())
-            # Wherever a name stands, somebody may point or click.
-            for link in tab.locator("a").all():
-                link.click()
-            assert tab.locator("img, iframe, object, embed, form, base").count() == 0
-            assert tab.locator("script").count() == (page == "report.html")
-            assert tab.evaluate("window.frames.length") == 0
-        finally:
-            browser.close()
+def test_a_browser_runs_nothing_and_asks_for_nothing(results: Path, browser: Browser, page: str) -> None:
+    tab = browser.new_page()
+    happened = complaints(tab)
+    tab.on("dialog", lambda dialog: (happened.append(dialog.message), dialog.dismiss()))
+    tab.on("request", lambda request: happened.append(request.url))
+    tab.goto((results / page).as_uri())
+    # Wherever a name stands, somebody may point or click.
+    for link in tab.locator("a").all():
+        link.click()
+    assert tab.locator("img, iframe, object, embed, form, base").count() == 0
+    assert tab.locator("script").count() == (page == "report.html")
+    assert tab.evaluate("window.frames.length") == 0
+    tab.close()
     assert set(happened) <= {(results / page).as_uri()}

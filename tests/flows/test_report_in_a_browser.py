@@ -2,34 +2,23 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
 
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.chromium import complaints
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(300)]
 TOO_WIDE = """() => [...document.querySelectorAll("table")]
   .filter(table => table.offsetWidth > table.parentElement.clientWidth + 1)
   .filter(table => getComputedStyle(table.parentElement).overflowX !== "auto")
   .map(table => table.id)"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    program = shutil.which("chromium")
-    assert program is not None, "Chromium is missing: make service-deps installs it"
-    with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        yield found
-        found.close()
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +52,7 @@ def test_no_table_is_clipped_and_the_page_does_not_scroll_sideways(
     browser: Browser, results: Path, width: int, scheme: str
 ) -> None:
     page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)  # type: ignore[arg-type]
-    said: list[str] = []
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("console", lambda message: said.append(message.text))
+    said = complaints(page)
     page.goto((results / "report.html").as_uri())
     assert said == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width

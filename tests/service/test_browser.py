@@ -10,25 +10,18 @@ import contextlib
 import csv
 import os
 import re
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.flows.conftest import write_block
 from tests.service.served import Served, served, until
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(900)]
 
-# Without these Chromium asks its maker's servers at every start.
-QUIET = (
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)  # fmt: skip
 #: Longest wait for anything to be seen; the machine may be busy, ms.
 PATIENCE_MS = 60_000
 RUN_MS = 240_000
@@ -78,16 +71,6 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         control.write_text("\n".join(checked) + "\n")
     with served(folder, "--cron", "30 1 * * *") as running:
         yield running
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    program = shutil.which("chromium")
-    assert program is not None, "Chromium is missing: make service-deps installs it"
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=program, args=list(QUIET))
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture

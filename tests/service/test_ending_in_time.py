@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import time
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser
 
 from tests.flows.conftest import write_block
 from tests.service.served import Served, engines_of, served, until
-from tests.service.test_browser import MANUAL, QUIET
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
 
+MANUAL = "aerial-triangulation/manual"
 _AT_MOST_S = 10.0
 _GB = 10**9
 
@@ -48,14 +47,22 @@ def seconds_to_end(server: Served) -> float:
     return time.monotonic() - began
 
 
-def test_while_the_watch_digests_huge_deliveries(tmp_path: Path) -> None:
+def test_while_the_watch_digests_huge_deliveries_and_a_form_is_open(tmp_path: Path, browser: Browser) -> None:
+    write_block(tmp_path / "root" / "block")
     with served(tmp_path) as server:
+        context = browser.new_context()
+        page = context.new_page()
+        server.let_in(page)
+        found = server.api.get(f"/deployments/name/{MANUAL}")
+        page.goto(f"http://127.0.0.1:{server.port}/deployments/deployment/{found['id']}/run")
+        page.get_by_text("project", exact=False).first.wait_for(timeout=60_000)
         for number in range(3):
             deliver_listed(tmp_path / "inbox", f"large-{number}", 4 * _GB)
         deliver_listed(tmp_path / "inbox", "endless", 300 * _GB)
         until(lambda: is_open(tmp_path / "inbox", "more.bin"), 90)
         assert seconds_to_end(server) < _AT_MOST_S
         assert server.process.returncode == 0
+        context.close()
 
 
 def test_while_a_run_reads_a_huge_delivery(tmp_path: Path) -> None:
@@ -78,18 +85,3 @@ def test_while_a_run_reads_a_huge_delivery(tmp_path: Path) -> None:
         assert time.monotonic() - began < _AT_MOST_S
         assert seconds_to_end(server) < _AT_MOST_S
         assert not engines_of(runner)
-
-
-def test_while_a_form_is_open_in_a_browser(tmp_path: Path) -> None:
-    write_block(tmp_path / "root" / "block")
-    with served(tmp_path) as server, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=os.environ.get("CHROMIUM", "/usr/bin/chromium"), args=list(QUIET)
-        )
-        page = browser.new_page()
-        server.let_in(page)
-        found = server.api.get(f"/deployments/name/{MANUAL}")
-        page.goto(f"http://127.0.0.1:{server.port}/deployments/deployment/{found['id']}/run")
-        page.get_by_text("project", exact=False).first.wait_for(timeout=60_000)
-        assert seconds_to_end(server) < _AT_MOST_S
-        browser.close()

@@ -10,7 +10,6 @@ import http.client
 import json
 import multiprocessing
 import os
-import shutil
 import threading
 import urllib.error
 import urllib.request
@@ -21,9 +20,10 @@ from typing import Any
 
 import psutil
 import pytest
-from playwright.sync_api import BrowserContext, Error, Page, sync_playwright
+from playwright.sync_api import BrowserContext, Error, Page
 
 from flows.server.door import basic
+from tests.chromium import chromium
 from tests.flows.conftest import write_block
 from tests.flows.test_delivered_modules import plant
 from tests.service.served import Served, served
@@ -123,18 +123,13 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 @pytest.fixture(scope="module")
 def known(server: Served) -> Iterator[BrowserContext]:
     """A browser that the link has let in."""
-    program = shutil.which("chromium")
-    assert program is not None, "Chromium is missing: make service-deps installs it"
-    with sync_playwright() as playwright:
-        # The name of a page must not be what keeps it out: no rule of the browser for networks of its own.
-        rules = [NAMES, "--no-sandbox", "--disable-features=PrivateNetworkAccess,LocalNetworkAccessChecks"]
-        chromium = playwright.chromium.launch(executable_path=program, args=rules)
-        context = chromium.new_context()
+    # The name of a page must not be what keeps it out: no rule of the browser for networks of its own.
+    with chromium(NAMES, "--disable-features=PrivateNetworkAccess,LocalNetworkAccessChecks") as browser:
+        context = browser.new_context()
         page = context.new_page()
         server.let_in(page)
         page.close()
         yield context
-        chromium.close()
 
 
 @pytest.fixture

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from playwright.sync_api import Browser
 
 from tasks.documents.certificate.content import CertificateContent
 from tasks.documents.certificate.page import page_of
 from tasks.documents.certificate.paper import pdf_of
 from tasks.documents.certificate.twin import document_of
-from tests.service.test_report_in_chromium import chromium
+from tests.chromium import complaints
 from tests.tasks.documents.certificate.conftest import HOSTILE, Calibration, as_json, changed
 
 pytestmark = pytest.mark.service
@@ -104,27 +105,27 @@ def test_nothing_leaves_the_margins_of_the_paper(calibration: Calibration, tmp_p
     assert max(float(right) for _, right in words) < 192.7 * point
 
 
+@pytest.fixture(scope="module")
+def page_file(content: CertificateContent, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("page") / "certificate.html"
+    path.write_text(page_of(content), encoding="utf-8")
+    return path
+
+
 def test_the_page_is_complete_without_network_and_without_scripts(
-    content: CertificateContent, tmp_path: Path
+    content: CertificateContent, page_file: Path, browser: Browser
 ) -> None:
-    page = tmp_path / "certificate.html"
-    page.write_text(page_of(content), encoding="utf-8")
-    shown = chromium(page, tmp_path / "profile", "--enable-logging=stderr", "--dump-dom")
-    assert shown.stdout.count("<svg") == len(content.figures)
-    assert "CONSOLE" not in shown.stderr
+    page = browser.new_page()
+    said = complaints(page)
+    page.goto(page_file.as_uri())
+    assert page.content().count("<svg") == len(content.figures)
+    assert said == []
+    page.close()
 
 
 @pytest.mark.parametrize("width", [1280, 500])
-def test_nothing_is_wider_than_the_window(content: CertificateContent, tmp_path: Path, width: int) -> None:
-    (tmp_path / "certificate.html").write_text(page_of(content), encoding="utf-8")
-    ruler = tmp_path / "ruler.html"
-    ruler.write_text(
-        f'<iframe id="f" src="certificate.html" style="width:{width}px;height:900px;border:0"></iframe>'
-        '<p id="w"></p><script>document.getElementById("f").onload = function () {'
-        'document.getElementById("w").textContent = "width " + '
-        "this.contentDocument.documentElement.scrollWidth; }</script>"
-    )
-    shown = chromium(ruler, tmp_path / "profile", "--allow-file-access-from-files", "--dump-dom")
-    found = re.search(r"width (\d+)", shown.stdout)
-    assert found is not None
-    assert int(found[1]) <= width
+def test_nothing_is_wider_than_the_window(page_file: Path, browser: Browser, width: int) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(page_file.as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.close()
