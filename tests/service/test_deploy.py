@@ -88,7 +88,7 @@ def _announce(api: Api, project: str) -> None:
     api.post("/events", [event])
 
 
-def test_the_commands_of_compose_start_a_server_that_is_well(
+def test_the_commands_of_compose_start_a_server_that_is_well_and_keeps_its_records_in_postgresql(
     tmp_path: Path, postgresql: PostgresqlServer
 ) -> None:
     services = compose()["services"]
@@ -104,6 +104,7 @@ def test_the_commands_of_compose_start_a_server_that_is_well(
     }
     for name in ("projects", "inbox"):
         (tmp_path / "data" / name).mkdir(parents=True)
+    write_block(tmp_path / "data" / "projects" / "block")
     command = [_with(argument, replaced) for argument in services["server"]["command"]]
     assert command[0] == "serve"
     secrets = {SERVER_PASSWORD: "ann:words", "PREFECT_API_AUTH_STRING": "ann:words", "PGPASSWORD": PASSWORD}
@@ -113,7 +114,11 @@ def test_the_commands_of_compose_start_a_server_that_is_well(
     program_of_ours = [sys.executable, "-m", "flows.command", *command]
     with running(program_of_ours, tmp_path / "printed", env=variables, cwd=tmp_path) as process:
         until(lambda: "Ready." in (tmp_path / "printed").read_text(), 240, process)
-        assert Api(ServerAddress("127.0.0.1", port).api).is_well()
+        api = Api(ServerAddress("127.0.0.1", port).api, "ann:words")
+        assert api.is_well()
+        manual = api.get("/deployments/name/aerial-triangulation/manual")["id"]
+        run = api.post(f"/deployments/{manual}/create_flow_run", {"parameters": {"project": "block"}})["id"]
+        until(lambda: api.get(f"/flow_runs/{run}")["state_name"] == "Completed", 150, process)
         check = services["server"]["healthcheck"]["test"][1:]
         check = [sys.executable, *(_with(part, {":4200/": f":{port}/"}) for part in check[1:])]
         assert subprocess.run(check, check=False).returncode == 0
@@ -127,6 +132,7 @@ def test_the_commands_of_compose_start_a_server_that_is_well(
             assert runner.wait(120) == 0
         process.send_signal(signal.SIGTERM)
         assert process.wait(120) == 0
+    assert not (tmp_path / "state" / "prefect" / "prefect.db").exists()
     for name in ("printed", "printed-runner"):
         assert PASSWORD not in (tmp_path / name).read_text()
 

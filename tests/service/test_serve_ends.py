@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 from flows.server.state_file import find_server
+from tasks.production.outbox import Outbox
 from tasks.store.run_lock import run_lock
 from tests.flows.conftest import write_block
-from tests.postgresql_server import PASSWORD, PostgresqlServer
+from tests.ports import free_port
 from tests.service.served import alive, recorded_states, served, until
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
@@ -23,8 +24,12 @@ MANUAL = "aerial-triangulation/manual"
 
 
 def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(tmp_path: Path) -> None:
+    """Also where the notices of its runs have nobody who takes them."""
     write_block(tmp_path / "root" / "block")
-    with served(tmp_path, first_start=True) as server:
+    away = f"json://127.0.0.1:{free_port('127.0.0.1')}"
+    with served(tmp_path, first_start=True, AEROCAL_NOTIFY=away) as server:
+        missed = server.start(MANUAL, {"project": "block", "settings": {"sigma0_limit": 0.71}})
+        assert server.ended(missed)["state_name"] == "GateFailed"
         groups = server.groups()
         waiting = server.start(MANUAL, {"project": "block", "output": "held"})
         with run_lock(server.folder / "root" / "block" / "held"):
@@ -35,6 +40,7 @@ def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(tmp_path: 
             with pytest.raises(subprocess.TimeoutExpired):
                 server.process.wait(6)
         assert server.process.wait(120) == 0
+    assert [notice.run for notice in Outbox(server.records).waiting()] == [missed]
     states = recorded_states(server.folder)
     assert states[waiting] == "COMPLETED"
     assert not {"RUNNING", "PENDING", "CANCELLING"} & set(states.values())
@@ -81,17 +87,3 @@ def test_runner_and_server_end_by_themselves_when_nobody_holds_them(tmp_path: Pa
             server.process.wait()
         until(lambda: not any(alive(group) for group in groups), 90)
     assert recorded_states(tmp_path)[run] == "COMPLETED"
-
-
-def test_the_records_may_be_in_postgresql(
-    tmp_path: Path, postgresql: PostgresqlServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_block(tmp_path / "root" / "block")
-    monkeypatch.setenv("PGPASSWORD", PASSWORD)
-    database = postgresql.emptied().replace(f":{PASSWORD}@", "@")
-    with served(tmp_path, "--database", database) as server:
-        run = server.start(MANUAL, {"project": "block"})
-        assert server.ended(run)["state_name"] == "Completed"
-        server.process.send_signal(signal.SIGTERM)
-        assert server.process.wait(60) == 0
-    assert not (tmp_path / "state" / "prefect" / "prefect.db").exists()
