@@ -3,39 +3,22 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.command_line import aerocal
 from tests.flows.conftest import write_block
-from tests.service.dask_cluster import REPOSITORY, DaskCluster, dask_cluster
+from tests.service.dask_cluster import DaskCluster, dask_cluster
 
 pytestmark = pytest.mark.service
-
-AEROCAL = [sys.executable, "-m", "flows.command"]
 
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
     with dask_cluster(tmp_path_factory.mktemp("cluster")) as running:
         yield running
-
-
-def aerocal(
-    *arguments: str | Path, more: Mapping[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*AEROCAL, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=200,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY), **(more or {})},
-    )
 
 
 def digests(out: Path) -> dict[str, str]:
@@ -61,7 +44,7 @@ def test_workers_with_another_environment_are_refused(running: DaskCluster, tmp_
     project = write_block(tmp_path / "block")
     project.write_text(project.read_text().replace('"control.csv"', '"${FLIGHTS}/control.csv"'))
     here = {"FLIGHTS": str(project.parent)}
-    done = aerocal("batch", project, "--dask", running.address, more=here)
+    done = aerocal("batch", project, "--dask", running.address, **here)
     assert done.returncode == 1
     assert "has FLIGHTS set differently from this run" in done.stderr
     assert not (project.parent / "results" / ".store").exists()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -14,6 +13,7 @@ import pytest
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.fetch import fetch_results
 from tasks.object_storage.workspace import ObjectWorkspace
+from tests.command_line import aerocal
 from tests.flows.conftest import write_block
 from tests.service.object_server import CREDENTIALS, ObjectServer, on_put, running_object_server
 from tests.service.served import until
@@ -41,17 +41,6 @@ def in_folders(block: Path) -> dict[tuple[str, ...], Path]:
 
 def command(*arguments: str | Path) -> list[str]:
     return [sys.executable, "-m", "flows.command", *map(str, arguments)]
-
-
-def aerocal(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command(*arguments),
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=240,
-        env={**os.environ, "COLUMNS": "200", **environment},
-    )
 
 
 def errors(done: subprocess.CompletedProcess[str]) -> list[str]:
