@@ -43,6 +43,8 @@ if SHARED_VARIABLE not in os.environ:
 # Whichever test has Prefect set up its logging first: our messages outside a run are no warning.
 os.environ["PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW"] = "ignore"
 os.environ["PREFECT_SERVER_ANALYTICS_ENABLED"] = "false"
+# No test uses the kinds of blocks that Prefect's server brings; storing them takes it seconds.
+os.environ["PREFECT_SERVER_REGISTER_BLOCKS_ON_START"] = "false"
 for name in ("PREFECT_API_URL", "PREFECT_PROFILE"):
     os.environ.pop(name, None)
 # A shell has what it starts in the background ignore the interrupt key, and so would the programs under test.

@@ -214,9 +214,12 @@ def served(
     for name in ("root", "inbox"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     state = folder / "state"
-    if not (first_start or "--database" in options or state.exists()):
-        state.mkdir(mode=0o700)
-        shutil.copytree(_started_once(), state / "prefect")
+    if not (first_start or "--database" in options):
+        # The first start has stored the kinds of blocks; each further one compares them for a second.
+        variables["PREFECT_SERVER_REGISTER_BLOCKS_ON_START"] = "false"
+        if not state.exists():
+            state.mkdir(mode=0o700)
+            shutil.copytree(_started_once(), state / "prefect")
     port = free_port("127.0.0.1")
     overview = free_port("127.0.0.1")
     ports = ["--port", str(port), "--overview-port", str(overview)]
