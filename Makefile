@@ -37,10 +37,13 @@ service-deps:
 	apt-get update -q
 	DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends chromium nginx-light postgresql poppler-utils systemd
 
-# Files and folders that mark service tests; three workers would load all other tests for nothing.
-SERVICE_TESTS = $(sort $(patsubst %/conftest.py,%,$(shell grep -rl --include='*.py' 'mark\.service' tests)))
+# Files and folders that mark service tests; three workers would load all other tests for nothing. Those that take
+# longest come first: no worker is left alone with one at the end.
+MARKED = $(sort $(patsubst %/conftest.py,%,$(shell grep -rl --include='*.py' 'mark\.service' tests)))
+LONGEST = $(addprefix tests/service/test_,serve.py interrupted_runs.py serve_ends.py browser.py deploy.py)
+SERVICE_TESTS = $(LONGEST) $(filter-out $(LONGEST),$(MARKED))
 
-# A missing service is a failure here, never a skip. In the order of the files: the tests of one share a server.
+# A missing service is a failure here, never a skip. In the order of a file: its tests share a server.
 # Three at a time on two processors, because half of the time is waiting; no more, because some of them measure
 # how long an end takes.
 service-test: $(STAMP)
