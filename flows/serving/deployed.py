@@ -46,10 +46,6 @@ from flows.serving.registered import identity, show, state_of  # noqa: E402
 from tasks.errors import AerocalError, InputError  # noqa: E402
 from tasks.files.installation import InstallationError  # noqa: E402
 from tasks.production.records import configured_records  # noqa: E402
-from tasks.registry.drift import DriftLimits  # noqa: E402
-from tasks.registry.due import DueLimits  # noqa: E402
-from tasks.registry.registry import Registry  # noqa: E402
-from tasks.registry.watch import watch_of  # noqa: E402
 from tasks.results.retention import KEEP_DAYS  # noqa: E402
 from tasks.settings.registry import registry_address  # noqa: E402
 
@@ -219,6 +215,12 @@ def recalibration_due(
         lever_arm_mm: The same for each component of the lever arm, in mm.
         without: Cameras to exclude; name, body or lens of each.
     """
+    # Every run would load them otherwise, and pandas and scipy with them.
+    from tasks.registry.drift import DriftLimits
+    from tasks.registry.due import DueLimits
+    from tasks.registry.registry import Registry
+    from tasks.registry.watch import watch_of
+
     drift = DriftLimits(sigma, focal_length_um, principal_point_um, boresight_deg, lever_arm_mm)
     limits = DueLimits(within_days, max_age_days or None, drift, tuple(without))
     try:
