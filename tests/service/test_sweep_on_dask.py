@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 from tasks.store.stage_record import StageRecord, read_records
-from tests.command_line import aerocal
 from tests.service.dask_cluster import REPOSITORY, dask_cluster
 
 pytestmark = pytest.mark.service
@@ -59,7 +58,8 @@ CHOSEN = (
 def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("field")
     (folder / "spec.toml").write_text(FIELD)
-    assert aerocal("simulate", folder / "spec.toml", "--out", folder / "project").returncode == 0
+    with started("simulate", folder / "spec.toml", "--out", folder / "project") as process:
+        assert process.wait() == 0
     return folder / "project" / "project.toml"
 
 
@@ -85,20 +85,17 @@ def printed_until(process: subprocess.Popen[str], words: str) -> str:
     return "".join(lines)
 
 
-def sweep(field: Path, out: Path, *options: str) -> list[str | Path]:
-    chosen = [word for value in CHOSEN for word in ("--set", value)]
-    return ["sweep", field, "--out", out, "--server", "none", *chosen, *options]
-
-
 def sweeping(
     field: Path, out: Path, *options: str, more: Mapping[str, str] | None = None
 ) -> subprocess.Popen[str]:
-    return started(*sweep(field, out, *options), more=more)
+    chosen = [word for value in CHOSEN for word in ("--set", value)]
+    return started("sweep", field, "--out", out, "--server", "none", *chosen, *options, more=more)
 
 
 def swept(field: Path, out: Path, *options: str) -> None:
-    done = aerocal(*sweep(field, out, *options))
-    assert done.returncode == 0, done.stderr
+    with sweeping(field, out, *options) as process:
+        _, errors = process.communicate(timeout=200)
+    assert process.returncode == 0, errors
 
 
 def adjustments(out: Path) -> list[StageRecord]:
