@@ -91,9 +91,13 @@ def is_warm() -> bool:
     return next(CACHE_FOLDER.rglob("*.nbi"), None) is not None
 
 
+# C does not call any kernel, so none is compiled for it a second time.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+
+
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function of arrays and numbers on its first call; cached, no fastmath, GIL released."""
-    return _compiled_once(numba.njit(cache=True, error_model="numpy", nogil=True)(function))
+    return _compiled_once(numba.njit(cache=True, **_OPTIONS)(function))
 
 
 def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -101,7 +105,7 @@ def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
     A call hands over every array as seven numbers: for one ray that would cost more than the lines do.
     """
-    return _compiled_once(numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)(function))
+    return _compiled_once(numba.njit(cache=True, forceinline=True, **_OPTIONS)(function))
 
 
 def _compiled_once(dispatcher: Any) -> Callable[..., Any]:
