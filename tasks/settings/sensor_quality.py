@@ -14,7 +14,7 @@ PROTOCOL = {"pan": (1000, 50, 4), "multispectral": (36, 1, 0)}
 
 
 class ExposureLevel(Settings):
-    """InputPaths with the same illumination and exposure."""
+    """Images with the same illumination and exposure."""
 
     exposure_ms: NotNegative
     """Exposure time, ms."""
@@ -23,7 +23,7 @@ class ExposureLevel(Settings):
 
 
 class SensorSettings(Settings):
-    """InputPaths of a sensor without a scene, and the limits they must meet."""
+    """Images of a sensor without a scene, and the limits they must meet."""
 
     kind: Literal["pan", "multispectral"]
     """Whose limits apply: panchromatic sensors may have 1000 defect pixels, 50 single and 4 double columns,
@@ -32,7 +32,7 @@ class SensorSettings(Settings):
     bright: InputPaths = ()
     """Flat images at about half the range."""
     dark: InputPaths = ()
-    """InputPaths without light."""
+    """Images without light."""
     bright_limit: Positive = 0.3
     """Deviation from its neighbours in bright images above which a pixel is defect."""
     dark_limit: Positive | None = None
