@@ -57,6 +57,12 @@ def broken_links(page: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())
+def test_every_test_that_a_page_names_exists(page: Path) -> None:
+    named = re.findall(r"(?<![\w/])tests/[\w/]+(?:\.py)?", page.read_text(encoding="utf-8"))
+    assert [name for name in named if not (REPOSITORY / name).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())
 def test_every_relative_link_leads_somewhere(page: Path) -> None:
     assert broken_links(page) == []
 
