@@ -20,7 +20,7 @@ typer.testing._get_command = functools.cache(typer.testing._get_command)
 def aerocal(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Carry out a command; exit code and what it has printed. A defect is raised as it is."""
     words = [*map(str, arguments)]
-    # A command with a server or a cluster sets its address for what it starts; the next one has its own again.
+    # A command with a server or a cluster sets its address for what it starts; the next has its own again.
     addresses = {name: os.environ.get(name) for name in ("PREFECT_API_URL", DASK_VARIABLE)}
     own = {"COLUMNS": "200", **addresses}
     result = CliRunner().invoke(app, words, env={**own, **environment})
