@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.machine import REPOSITORY
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -40,7 +42,11 @@ def main(file: Path) -> None:
     """Carry out the command line; every stage adds its reading to the file."""
     from flows.command.__main__ import main as command_line
     from flows.runs.stage import Stage
+    from tasks import errors
 
+    # The program takes the folder it was started in out of the path: a copy would run the installed code.
+    if not Path(errors.__file__).is_relative_to(REPOSITORY):
+        raise RuntimeError(f"the code that runs is not that of {REPOSITORY}: set PYTHONPATH to it")
     plain: Any = Stage.__call__
 
     def timed(self: Any, *args: Any, **kwargs: Any) -> Any:
