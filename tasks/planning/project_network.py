@@ -21,6 +21,7 @@ from tasks.block.exposure_events import exposure_events
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.oriented_images import oriented_images
 from tasks.block.self_calibration import image_format_of
+from tasks.block.shared_readings import heads_of_reading
 from tasks.block.strip_motion import require_motion, strip_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_from_map
@@ -104,8 +105,9 @@ def network_of_project(
 
 
 def _exposures(given: GivenOrientations, adjustment: AdjustmentSettings) -> PlannedExposures:
+    """The exposures; heads share a reading, as in `tasks.block.observation_types`."""
     centre, local_from_camera = given.orientations()
-    motion, n = strip_motion(given), len(given.image)
+    motion, n, heads = strip_motion(given), len(given.image), heads_of_reading(given)[:, None]
     return PlannedExposures(
         given.camera,
         given.flight_of_image,
@@ -115,9 +117,11 @@ def _exposures(given: GivenOrientations, adjustment: AdjustmentSettings) -> Plan
         np.nan_to_num(given.rates),
         centre,
         local_from_camera,
-        given.position_sigma if "gnss" in adjustment.observe else np.full((n, 3), np.nan),
+        given.position_sigma * np.sqrt(heads) if "gnss" in adjustment.observe else np.full((n, 3), np.nan),
         given.local_from_grid,
-        np.where(given.attitude_observed[:, None, None], given.attitude_covariance(), np.eye(3)),
+        np.where(
+            given.attitude_observed[:, None, None], given.attitude_covariance() * heads[:, None], np.eye(3)
+        ),
         given.attitude_observed & ("ins" in adjustment.observe),
     )
 

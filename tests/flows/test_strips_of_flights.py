@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.stories.project_plan import plan_of_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.flows.adjustment_alone import adjustment_alone
@@ -72,8 +73,8 @@ def test_times_without_strips_are_refused_with_what_to_do(tmp_path: Path) -> Non
     assert "The exposures contain no strips" in str(outcome.error)
 
 
-def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> None:
-    folder = flown(tmp_path, "numbered")
+def flown_with_two_heads(folder: Path) -> Path:
+    flown(folder, "numbered")
     file = folder / "exposures.csv"
     table = pd.read_csv(file, dtype=str)
     # The same camera again at the same moment, as a second head delivers it.
@@ -86,6 +87,11 @@ def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> No
     for axis in "xy":
         own[axis] = points[axis].astype(float) + generator.normal(0.0, 0.001, len(points))
     pd.concat([points, own]).to_csv(folder / "image_points.csv", index=False)
+    return folder
+
+
+def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> None:
+    folder = flown_with_two_heads(tmp_path)
     outcome = adjusted(folder)
     assert outcome.error is None, outcome.error
     assert any("exposed at" in text and "is used once" in text for text in outcome.summary.problems)
@@ -96,3 +102,17 @@ def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> No
     (first, second) = parameters[parameters["parameter"] == "time_offset"].itertuples()
     assert first.value == pytest.approx(0.004, abs=3.5 * first.sigma)
     assert second.value == pytest.approx(0.004, abs=3.5 * second.sigma)
+
+
+def test_a_plan_counts_a_reading_of_two_heads_once_like_the_adjustment(tmp_path: Path) -> None:
+    folder = flown_with_two_heads(tmp_path)
+    free = 'adjustment.free=["boresight", "gnss_shift", "focal_length", "principal_point"]'
+    changes = (free, 'adjustment.sigma0="a_priori"')
+    outcome = carry_out(adjustment_alone, RunRequest(folder / "project.toml", folder / "results", changes))
+    assert outcome.error is None, outcome.error
+    keys = ["parameter", "entity"]
+    found = pd.read_parquet(folder / "results" / "parameters.parquet").set_index(keys)["sigma"]
+    plan = plan_of_project(str(folder / "project.toml"), strip_bias_m=0.0, propose=False)
+    expected = plan.expectation.parameters.set_index(keys)["sigma"]
+    # Counted twice, the readings would make them 0.71 to 0.77 times as large.
+    assert (expected / found.reindex(expected.index)).to_numpy() == pytest.approx(1.0, abs=0.05)
