@@ -11,12 +11,10 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.rig import EventMotion, Rig
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.strip_motion import strip_motion
+from tasks.block.strip_motion import ONE_MOMENT_S, strip_motion
 from tasks.errors import InputError
 from tasks.results.figures import SharedMoments
 
-# Heads of one event are exposed within this time, s.
-_ONE_EVENT_S = 1e-3
 # Readings of one event that differ by more are not the same: metres, radians.
 _SAME_PLACE_M, _SAME_ATTITUDE = 0.01, np.deg2rad(0.001)
 
@@ -119,7 +117,7 @@ def joined_images(
     alone = np.where(named, names, np.where(in_rig, -1, np.arange(len(time))))
     order = np.lexsort((time, flight, reference, alone))
     same = (np.diff(flight[order]) == 0) & (np.diff(reference[order]) == 0)
-    same &= (np.diff(alone[order]) == 0) & (np.diff(time[order]) < _ONE_EVENT_S)
+    same &= (np.diff(alone[order]) == 0) & (np.diff(time[order]) < ONE_MOMENT_S)
     event = np.empty(len(order), dtype=np.int64)
     event[order] = np.concatenate([[0], np.cumsum(~same)])
     return event
@@ -134,7 +132,7 @@ def _refuse_repeated_heads(given: GivenOrientations, event: Ints) -> None:
         camera = given.mountings.names[given.camera[order[again[0]]]]
         raise InputError(
             f"The head {camera} took two images at the same time: '{one}' and '{other}' have one event, or "
-            f"are less than {_ONE_EVENT_S * 1e3:g} ms apart.",
+            f"are less than {ONE_MOMENT_S * 1e3:g} ms apart.",
             "Correct the events or times, or declare the flights of two aircraft.",
             entity=f"image {one}",
         )
@@ -143,7 +141,7 @@ def _refuse_repeated_heads(given: GivenOrientations, event: Ints) -> None:
 def _refuse_different_times(given: GivenOrientations, event: Ints, first: Ints) -> None:
     """Images of an event of a delivered name have its time, or none."""
     apart = np.abs(given.time_s - given.time_s[first[event]])
-    wrong = apart >= _ONE_EVENT_S
+    wrong = apart >= ONE_MOMENT_S
     if wrong.any():
         row = int(np.argmax(wrong))
         raise InputError(

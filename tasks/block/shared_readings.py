@@ -7,6 +7,7 @@ import pandas as pd
 
 from adjust.arrays import Ints
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.strip_motion import ONE_MOMENT_S
 from tasks.results.figures import SharedMoments
 
 # Heads of one body lie within it, metres.
@@ -14,13 +15,18 @@ _ONE_BODY_M = 10.0
 
 
 def heads_of_reading(given: GivenOrientations) -> Ints:
-    """(n,) number of images with the same flight, time and place, of one exposure; 1 without time."""
+    """(n,) number of images with the same flight, time (within a millisecond) and place; 1 without time."""
     heads = np.ones(len(given.image), dtype=np.int64)
     timed = np.flatnonzero(np.isfinite(given.time_s))
     if len(timed) == 0:
         return heads
     table = pd.DataFrame(given.observed[timed], columns=["x", "y", "z"])
-    together = table.groupby([np.array(given.flight)[timed], given.time_s[timed]])
+    flight, time = given.flight_of_image[timed], given.time_s[timed]
+    order = np.lexsort((time, flight))
+    follows = (np.diff(flight[order]) == 0) & (np.diff(time[order]) < ONE_MOMENT_S)
+    moment = np.empty(len(order), dtype=np.int64)
+    moment[order] = np.concatenate([[0], np.cumsum(~follows)])
+    together = table.groupby(moment)
     spread = (together.transform("max") - together.transform("min")).max(axis=1).to_numpy(np.float64)
     count = together["x"].transform("size").to_numpy(np.int64)
     heads[timed] = np.where(spread < _ONE_BODY_M, count, 1)

@@ -12,6 +12,8 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.errors import InputError
 from tasks.settings.adjustment import AdjustmentSettings
 
+#: Exposures within this time are of one moment, s: signals of several heads.
+ONE_MOMENT_S = 1e-3
 # What has velocities needs neither strips nor times for a time offset.
 _OR_TRAJECTORY = {
     "gnss_strip_bias": "",
@@ -27,20 +29,23 @@ def strip_motion(given: GivenOrientations) -> StripMotion:
     """Strip, time since its middle and velocity of every exposure.
 
     The velocity is the delivered one (that of a trajectory), else the derivative of the observed positions
-    by time (central differences, one-sided at the ends of a strip; heads that exposed at one moment share
-    theirs). Without strips or times there are no times since the middle, and no derivatives: they are zero.
+    by time (central differences, one-sided at the ends of a strip; heads that exposed within a millisecond
+    share theirs). Without strips or times there are no times since the middle, and no derivatives: they are
+    zero.
     """
     since, velocity = np.zeros(len(given.image)), np.zeros_like(given.observed)
     strip = given.strip_of_image
     for index in strips_in_time(strip, given.time_s):
         if not given.strips[strip[index[0]]]:
             continue
-        time, place, count = np.unique(given.time_s[index], return_inverse=True, return_counts=True)
-        since[index] = given.time_s[index] - 0.5 * (time[0] + time[-1])
-        if len(time) > 1:
-            mean = np.zeros((len(time), 3))
+        time = given.time_s[index]
+        since[index] = time - 0.5 * (time[0] + time[-1])
+        place = np.cumsum(np.diff(time, prepend=time[0]) >= ONE_MOMENT_S)
+        count = np.bincount(place)
+        if len(count) > 1:
+            mean = np.zeros((len(count), 3))
             np.add.at(mean, place, given.observed[index] / count[place, None])
-            velocity[index] = np.gradient(mean, time, axis=0)[place]
+            velocity[index] = np.gradient(mean, np.bincount(place, time) / count, axis=0)[place]
     return StripMotion(strip, since, np.where(_moves(given)[:, None], given.velocity, velocity))
 
 

@@ -248,7 +248,7 @@ class WeakParameters(Figure):
 
 
 class SharedMoments(Figure):
-    """Images that several cameras took at one moment; ``heads``: of a rig, null of cameras on their own."""
+    """Images that several cameras took within a millisecond; ``heads``: of a rig, null of cameras alone."""
 
     images: int
     moments: int

@@ -73,12 +73,13 @@ def test_times_without_strips_are_refused_with_what_to_do(tmp_path: Path) -> Non
     assert "The exposures contain no strips" in str(outcome.error)
 
 
-def flown_with_two_heads(folder: Path) -> Path:
+def flown_with_two_heads(folder: Path, later_us: int = 0) -> Path:
     flown(folder, "numbered")
     file = folder / "exposures.csv"
     table = pd.read_csv(file, dtype=str)
     # The same camera again at the same moment, as a second head delivers it.
-    again = table.assign(image="B" + table["image"])
+    time = (table["time"].astype(float) + 1e-6 * later_us).map("{:.6f}".format)
+    again = table.assign(image="B" + table["image"], time=time)
     pd.concat([table, again]).to_csv(file, index=False)
     points = pd.read_csv(folder / "image_points.csv", dtype=str)
     # Measured by itself: the same coordinates would be the same image delivered twice.
@@ -90,8 +91,9 @@ def flown_with_two_heads(folder: Path) -> Path:
     return folder
 
 
-def test_heads_that_expose_at_one_moment_have_one_velocity(tmp_path: Path) -> None:
-    folder = flown_with_two_heads(tmp_path)
+def test_heads_that_expose_at_one_moment_have_one_velocity_and_one_reading(tmp_path: Path) -> None:
+    # The signals of two heads never come in the same microsecond.
+    folder = flown_with_two_heads(tmp_path, later_us=20)
     outcome = adjusted(folder)
     assert outcome.error is None, outcome.error
     assert any("exposed at" in text and "is used once" in text for text in outcome.summary.problems)
