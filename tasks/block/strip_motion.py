@@ -135,14 +135,14 @@ def require_successive_times(given: GivenOrientations, settings: AdjustmentSetti
             f"Add a time column (seconds) to the exposures, {remedy}",
             entity=entity,
         )
-    seen: dict[tuple[str, str, float], str] = {}
-    for place in zip(given.flight, given.strip, given.time_s.tolist(), given.image, strict=True):
-        image = place[3]
-        other = seen.setdefault(place[:3], image)
-        if other != image:
+    for index in strips_in_time(given.strip_of_image, given.time_s):
+        again = np.flatnonzero(np.diff(given.time_s[index]) < ONE_MOMENT_S)
+        if len(again):
+            first = index[again[0]]
             raise InputError(
-                f"Images {other} and {image} of strip {place[1]} have the same time; errors that are "
-                "correlated over time would be the same for both.",
+                f"Images {given.image[first]} and {given.image[index[again[0] + 1]]} of strip "
+                f"{given.strip[first]} have the same time; errors that are correlated over time would be the "
+                "same for both.",
                 f"Correct the times or the strips, {remedy}",
                 entity=entity,
             )

@@ -123,10 +123,14 @@ def test_without_times_or_strips_a_correlation_is_refused(delivered: Path, colum
     assert "gnss_correlation_s" in str(outcome.error)
 
 
-def test_two_exposures_of_a_strip_at_the_same_time_are_refused_by_name(delivered: Path) -> None:
+@pytest.mark.parametrize("later_s", [0.0, 2e-5])
+def test_two_exposures_of_a_strip_at_the_same_time_are_refused_by_name(
+    delivered: Path, later_s: float
+) -> None:
     def same_time(table: pd.DataFrame) -> pd.DataFrame:
         rows = table.index[table["strip"] == table["strip"].iloc[0]]
-        table.loc[rows[1], "time"] = table.loc[rows[0], "time"]
+        table.loc[rows[1], "time"] = f"{float(table.loc[rows[0], 'time']) + later_s:.6f}"
+        table.loc[rows[0], "time"] = f"{float(table.loc[rows[0], 'time']):.6f}"
         return table
 
     change(delivered / "exposures.csv", same_time)
