@@ -12,6 +12,7 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.strip_motion import strip_motion
 from tasks.plausibility.diagnosis import TieMisses
 from tasks.plausibility.hypotheses import Delivered
 from tasks.plausibility.mistake import Mistake
@@ -151,19 +152,10 @@ def velocities(given: GivenOrientations) -> Floats | None:
     """
     if np.isfinite(given.velocity).all():
         return given.velocity
-    if not np.isfinite(given.time_s).all():
+    seen = np.bincount(given.strip_of_image)
+    if not np.isfinite(given.time_s).all() or not all(given.strips) or seen.min() < 2:
         return None
-    result = np.zeros_like(given.observed)
-    for number, strip in enumerate(given.strips):
-        index = np.flatnonzero(given.strip_of_image == number)
-        if not strip or len(index) < 2:
-            return None
-        index = index[np.argsort(given.time_s[index], kind="stable")]
-        time = given.time_s[index]
-        if (np.diff(time) <= 0.0).any():
-            return None
-        result[index] = np.gradient(given.observed[index], time, axis=0)
-    return result
+    return strip_motion(given).velocity
 
 
 def _moved(delivered: Delivered, shift: Floats) -> Delivered:

@@ -120,6 +120,17 @@ def swapped(table: str) -> Wrong:
     return wrong
 
 
+def second_head(delivery: Delivery) -> None:
+    """Not a mistake: every exposure again by another head, 20 µs later."""
+    own, points = delivery.exposures, delivery.points
+    again = own.assign(image="B" + own["image"], time=own["time"] + 2e-5)
+    delivery.exposures = pd.concat([own, again])
+    noise = np.random.default_rng(3).normal(0.0, 5e-4, (len(points), 2))
+    measured = points.assign(image="B" + points["image"])
+    measured[["x", "y"]] += noise
+    delivery.points = pd.concat([points, measured])
+
+
 def y_down(delivery: Delivery) -> None:
     delivery.points["y"] = -delivery.points["y"]
 
@@ -237,6 +248,7 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
         ('position = "antenna"',),
     ),
     "time offset": ("time", (), ('adjustment.free = [..., "time_offset"]',)),
+    "time offset of two heads": ("time", (second_head,), ("look 49 ms late",)),
     "control mixed up": ("omega", (mixed_control,), ("Correct the names in the file of the control",)),
     "images mixed up": ("omega", (mixed_images,), ("Exchange the names",)),
     "single rays": ("omega", (single_rays,), ("measured in one image only",)),
@@ -273,8 +285,8 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
 #: One of each kind, by default; all of them are a slow test.
 QUICK = (
     "micrometres", "phi-omega-kappa", "columns of image points", "exposures swapped in a map",
-    "exposures in feet", "zone of the exposures", "antenna", "time offset", "control mixed up",
-    "images mixed up", "gon and undulation", "y down and radians",
+    "exposures in feet", "zone of the exposures", "antenna", "time offset of two heads",
+    "control mixed up", "images mixed up", "gon and undulation", "y down and radians",
 )  # fmt: skip
 
 
