@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse
 
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.errors import InconsistentBlockError
 from adjust.geometry import rotation
 from adjust.georeferencing.correlated_noise import correlated_noise
@@ -60,7 +60,7 @@ class DirectOrientations:
 
 
 def direct_orientations(
-    gnss: GnssPositions, ins: InsAttitudes, system: Mapping[str, Floats]
+    gnss: GnssPositions, ins: InsAttitudes, system: Mapping[str, Floats], reading: Ints | None = None
 ) -> DirectOrientations:
     """Orientations of all images from their positions and attitudes.
 
@@ -68,6 +68,7 @@ def direct_orientations(
     ----------
     gnss, ins : one position and one attitude of every image, all with every component.
     system : family of system parameters → (entities, components), SI and radians.
+    reading : (n,) the image whose position and attitude each image has; None: each its own.
 
     Raises
     ------
@@ -95,7 +96,7 @@ def direct_orientations(
     terms = tuple(
         replace(term, jacobian=-of_observations @ term.jacobian) for term in _system_terms(position, attitude)
     )
-    over_time = correlated_noise(gnss.stochastic, ins.stochastic)
+    over_time = correlated_noise(gnss.stochastic, ins.stochastic, reading)
     return DirectOrientations(state, of_observations, of_observations @ spread, over_time, terms)
 
 

@@ -14,12 +14,12 @@ from tasks.results.figures import SharedMoments
 _ONE_BODY_M = 10.0
 
 
-def heads_of_reading(given: GivenOrientations) -> Ints:
-    """(n,) number of images with the same flight, time (within a millisecond) and place; 1 without time."""
-    heads = np.ones(len(given.image), dtype=np.int64)
+def reading_of_image(given: GivenOrientations) -> Ints:
+    """(n,) the first image of the same flight, place and time (within a millisecond); itself without time."""
+    reading = np.arange(len(given.image), dtype=np.int64)
     timed = np.flatnonzero(np.isfinite(given.time_s))
     if len(timed) == 0:
-        return heads
+        return reading
     table = pd.DataFrame(given.observed[timed], columns=["x", "y", "z"])
     flight, time = given.flight_of_image[timed], given.time_s[timed]
     order = np.lexsort((time, flight))
@@ -28,9 +28,15 @@ def heads_of_reading(given: GivenOrientations) -> Ints:
     moment[order] = np.concatenate([[0], np.cumsum(~follows)])
     together = table.groupby(moment)
     spread = (together.transform("max") - together.transform("min")).max(axis=1).to_numpy(np.float64)
-    count = together["x"].transform("size").to_numpy(np.int64)
-    heads[timed] = np.where(spread < _ONE_BODY_M, count, 1)
-    return heads
+    first = pd.Series(timed).groupby(moment).transform("min").to_numpy(np.int64)
+    reading[timed] = np.where(spread < _ONE_BODY_M, first, timed)
+    return reading
+
+
+def heads_of_reading(given: GivenOrientations) -> Ints:
+    """(n,) number of images that have the reading of each, 1 for one alone."""
+    reading = reading_of_image(given)
+    return np.bincount(reading)[reading]
 
 
 def shared_readings(given: GivenOrientations) -> SharedMoments | None:

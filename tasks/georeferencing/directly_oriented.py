@@ -21,6 +21,7 @@ from tasks.block.oriented_images import oriented_images
 from tasks.block.refracted_rays import without_refraction
 from tasks.block.residual_grid import with_given_corrections
 from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibration
+from tasks.block.shared_readings import heads_of_reading, reading_of_image
 from tasks.block.strip_motion import require_successive_times
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame
@@ -111,10 +112,13 @@ def directly_oriented(delivery: Delivery, calibration: Calibration, rules: Check
     system = calibrated_system(block, calibration, rules.direct.shift_of_flight)
     block = replace(block, system=system.parameters)
     _require_times(block, given)
+    # Every head has the error of the reading it shares, and not that with which an adjustment counts it once.
+    once = 1.0 / np.sqrt(heads_of_reading(given))[:, None]
     orientations = direct_orientations(
-        gnss_positions(block, given, rules.adjustment),
-        ins_attitudes(given, rules.adjustment),
+        gnss_positions(block, given, rules.adjustment).rescaled(once),
+        ins_attitudes(given, rules.adjustment).rescaled(once),
         block.approximate_state().system,
+        reading_of_image(given),
     )
     block, rays = _intersected(block, measured, additional, orientations, rules)
     common = _common_to_strip(given, rules)

@@ -16,6 +16,7 @@ from adjust.georeferencing.direct_orientation import DirectOrientations
 from adjust.georeferencing.error_sources import SharedErrors
 from tasks.block.block_input import SurveyedPoints
 from tasks.block.given_orientations import GivenOrientations
+from tasks.block.shared_readings import heads_of_reading
 from tasks.georeferencing.calibrated_system import CalibratedSystem
 from tasks.georeferencing.calibration import CalibrationFlight
 
@@ -86,6 +87,8 @@ def shared_errors(
     of_survey, survey_sigma = table.of("control", _same_control(flight, control_points).to_numpy())
     spread = np.linalg.solve(orientations.of_observations, orientations.of_noise)
     stated = np.sqrt(np.diagonal(spread @ np.swapaxes(spread, 1, 2), axis1=1, axis2=2))
+    # The adjustment counts a reading of several heads with a larger σ for each, here it is one error of all.
+    stated = stated * np.sqrt(heads_of_reading(given))[:, None]
     survey_stated = np.sqrt(np.diagonal(surveyed.covariance, axis1=1, axis2=2))
     return SharedErrors(
         np.concatenate([of_position, of_attitude * _DEGREE], axis=2),

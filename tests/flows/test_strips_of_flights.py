@@ -13,6 +13,7 @@ from flows.stories.project_plan import plan_of_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.flows.adjustment_alone import adjustment_alone
+from tests.flows.second_head import add_second_head
 
 CHANGES = (
     "points.count=600",
@@ -73,27 +74,10 @@ def test_times_without_strips_are_refused_with_what_to_do(tmp_path: Path) -> Non
     assert "The exposures contain no strips" in str(outcome.error)
 
 
-def flown_with_two_heads(folder: Path, later_us: int = 0) -> Path:
-    flown(folder, "numbered")
-    file = folder / "exposures.csv"
-    table = pd.read_csv(file, dtype=str)
-    # The same camera again at the same moment, as a second head delivers it.
-    time = (table["time"].astype(float) + 1e-6 * later_us).map("{:.6f}".format)
-    again = table.assign(image="B" + table["image"], time=time)
-    pd.concat([table, again]).to_csv(file, index=False)
-    points = pd.read_csv(folder / "image_points.csv", dtype=str)
-    # Measured by itself: the same coordinates would be the same image delivered twice.
-    own = points.assign(image="B" + points["image"])
-    generator = np.random.default_rng(3)
-    for axis in "xy":
-        own[axis] = points[axis].astype(float) + generator.normal(0.0, 0.001, len(points))
-    pd.concat([points, own]).to_csv(folder / "image_points.csv", index=False)
-    return folder
-
-
 def test_heads_that_expose_at_one_moment_have_one_velocity_and_one_reading(tmp_path: Path) -> None:
     # The signals of two heads never come in the same microsecond.
-    folder = flown_with_two_heads(tmp_path, later_us=20)
+    folder = flown(tmp_path, "numbered")
+    add_second_head(folder, later_us=20)
     outcome = adjusted(folder)
     assert outcome.error is None, outcome.error
     assert any("exposed at" in text and "is used once" in text for text in outcome.summary.problems)
@@ -107,7 +91,8 @@ def test_heads_that_expose_at_one_moment_have_one_velocity_and_one_reading(tmp_p
 
 
 def test_a_plan_counts_a_reading_of_two_heads_once_like_the_adjustment(tmp_path: Path) -> None:
-    folder = flown_with_two_heads(tmp_path)
+    folder = flown(tmp_path, "numbered")
+    add_second_head(folder)
     free = 'adjustment.free=["boresight", "gnss_shift", "focal_length", "principal_point"]'
     changes = (free, 'adjustment.sigma0="a_priori"')
     outcome = carry_out(adjustment_alone, RunRequest(folder / "project.toml", folder / "results", changes))

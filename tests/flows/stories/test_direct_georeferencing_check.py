@@ -19,6 +19,7 @@ from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
 from tests.flows.adjustment_alone import adjustment_alone
+from tests.flows.second_head import add_second_head
 from tests.tasks.documents.report.page_reader import Page
 
 CONTROL = (
@@ -115,6 +116,25 @@ def test_without_noise_nothing_differs(tmp_path: Path) -> None:
     assert (points["status"] == "independent").sum() == 40
     # What is predicted does not depend on what was found.
     assert all(value > 0.05 for value in found.figures["predicted_rmse_m"])
+
+
+def test_a_second_head_with_the_same_readings_changes_no_prediction(
+    other_flight: Path, tmp_path: Path
+) -> None:
+    """Its own errors are those of the readings, once: of two images they are not independent."""
+    project = copied(other_flight, tmp_path / "two")
+    one = checked(project, tmp_path / "one_out")
+    add_second_head(project.parent, camera="second")
+    two = checked(project, tmp_path / "two_out")
+    for table, sigmas, keys in (
+        ("y_parallaxes", ["sigma_um"], ["left", "right", "point"]),
+        ("direct_georeferencing_models", [f"sigma_d{axis}_m" for axis in AXES], ["left", "right", "point"]),
+    ):
+        alone, both = (found.table(table).set_index(keys)[sigmas] for found in (one, two))
+        assert len(both) == 2 * len(alone)
+        np.testing.assert_allclose(both.loc[alone.index], alone, rtol=1e-9)
+    for name in (f"y_parallax_predicted_{figure}_um" for figure in ("rms", "low", "high")):
+        assert two.figures[name] == pytest.approx(one.figures[name], rel=1e-3)
 
 
 def test_differences_of_another_flight_are_what_its_sigmas_and_the_calibration_predict(
