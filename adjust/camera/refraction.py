@@ -19,23 +19,31 @@ from adjust.arrays import Floats
 
 _GRAVITY = 9.80665  # m/s², standard gravity (ICAO 7488)
 _GAS_CONSTANT = 287.05  # J/(kg K), dry air
+_TROPOPAUSE = 11_000.0  # m; above it the temperature is the same up to 20 km
 # Nearer to the horizon nothing is known of refraction.
 _LEAST_COSINE = 1e-3
 _REFRACTIVITY = 2.26e-4  # m³/kg, (n − 1)/ρ of visible light: n − 1 = 2.77e-4 at 1.225 kg/m³
 
 
+def _temperature(height: Floats) -> Floats:
+    """Temperature in K of the ICAO standard atmosphere up to 20 km, height in metres above sea level."""
+    return 288.15 - 0.0065 * np.minimum(height, _TROPOPAUSE)
+
+
 def _pressure(height: Floats) -> Floats:
-    """Pressure in Pa of the ICAO standard atmosphere below 11 km, height in metres above sea level."""
-    return np.asarray(101325.0 * (1.0 - 0.0065 * height / 288.15) ** 5.25588)
+    """Pressure in Pa of the same."""
+    isothermal = np.maximum(height - _TROPOPAUSE, 0.0)
+    below = 101325.0 * (_temperature(height) / 288.15) ** 5.25588
+    return np.asarray(below * np.exp(-_GRAVITY * isothermal / (_GAS_CONSTANT * _temperature(height))))
 
 
 def _density(height: Floats) -> Floats:
     """Density in kg/m³ of the same."""
-    return np.asarray(_pressure(height) / (_GAS_CONSTANT * (288.15 - 0.0065 * height)))
+    return np.asarray(_pressure(height) / (_GAS_CONSTANT * _temperature(height)))
 
 
 def refraction_coefficient(camera_height: Floats, ground_height: Floats) -> Floats:
-    """K (n,) in radians for cameras and ground at heights (n,) in metres above sea level, 0 to 11 km.
+    """K (n,) in radians for cameras and ground at heights (n,) in metres above sea level, 0 to 20 km.
 
     Ellipsoidal heights serve as well: 50 m change K by less than 1 %.
     """

@@ -28,6 +28,16 @@ def test_coefficient_agrees_with_ray_tracing_through_the_standard_atmosphere(
     assert found[0] == pytest.approx(expected * MICRORADIAN, rel=5e-4)
 
 
+@pytest.mark.parametrize(
+    ("camera_m", "pressure", "density"), [(12000, 19330, 0.31083), (15000, 12045, 0.19367)]
+)
+def test_above_11_km_the_atmosphere_is_isothermal(camera_m: float, pressure: float, density: float) -> None:
+    """Pressure in Pa and density in kg/m³ of the tables of ICAO 7488."""
+    found = refraction_coefficient(np.array([camera_m]), np.array([0.0]))
+    mean = (101325 - pressure) / (9.80665 * camera_m)
+    assert found[0] == pytest.approx(2.26e-4 * (mean - density), rel=5e-4)
+
+
 def test_a_vertical_image_is_corrected_radially_by_k_r_and_r_cubed() -> None:
     c, radius, k = 0.080, 0.062, 27.69 * MICRORADIAN
     direction = np.array([np.cos(0.7), np.sin(0.7)])
