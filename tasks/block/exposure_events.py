@@ -11,7 +11,8 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.geometry import rotation
 from adjust.rig import EventMotion, Rig
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.strip_motion import ONE_MOMENT_S, strip_motion
+from tasks.block.strip_motion import strip_motion
+from tasks.deliveries.declared_exposures import ONE_MOMENT_S
 from tasks.errors import InputError
 from tasks.results.figures import SharedMoments
 

@@ -7,7 +7,7 @@ import pandas as pd
 
 from adjust.arrays import Ints
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.strip_motion import ONE_MOMENT_S
+from tasks.deliveries.declared_exposures import ONE_MOMENT_S
 from tasks.results.figures import SharedMoments
 
 # Heads of one body lie within it, metres.

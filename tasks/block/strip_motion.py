@@ -9,11 +9,10 @@ from adjust.observations.base import StochasticModel
 from adjust.observations.gauss_markov import GaussMarkov
 from adjust.observations.gnss_position import StripMotion
 from tasks.block.given_orientations import GivenOrientations
+from tasks.deliveries.declared_exposures import ONE_MOMENT_S
 from tasks.errors import InputError
 from tasks.settings.adjustment import AdjustmentSettings
 
-#: Exposures within this time are of one moment, s: signals of several heads.
-ONE_MOMENT_S = 1e-3
 # What has velocities needs neither strips nor times for a time offset.
 _OR_TRAJECTORY = {
     "gnss_strip_bias": "",

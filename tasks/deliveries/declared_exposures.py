@@ -21,6 +21,8 @@ from tasks.formats.trajectory_records import SOLUTIONS
 from tasks.nearest_name import did_you_mean
 from tasks.settings.inputs import DeliveredFlight, ExposuresInput
 
+#: Exposures within this time are of one moment, s: signals of several heads.
+ONE_MOMENT_S = 1e-3
 # Names that a message lists.
 _EXAMPLES = 5
 
@@ -153,12 +155,12 @@ def _strips_of_times(records: ExposureRecords, factor: float) -> ExposureRecords
             'Strips are defined by time gaps (strip = "time-gaps"), but this exposure has no time.',
             'Give it, or define strips by name: strip = { pattern = "{strip}_*" }.',
         )
-    # Heads of a multi-head system expose together: an interval is one between different times.
+    # Heads of a multi-head system expose together: an interval is one between different moments.
     flight = records.flight.fill_null("").to_pylist()
     table = pd.DataFrame({"flight": flight, "time": time})
     moments = table.drop_duplicates().sort_values(["flight", "time"], kind="stable")
     step = moments.groupby("flight", sort=False)["time"].diff()
-    new = step.isna() | (step > factor * step.median())
+    new = step.isna() | (step > factor * step[step >= ONE_MOMENT_S].median())
     moments["strip"] = new.groupby(moments["flight"], sort=False).cumsum().astype(int)
     numbers = table.merge(moments, on=["flight", "time"], how="left", validate="many_to_one")["strip"]
     return replace(records, strip=pa.array([str(number) for number in numbers], pa.string()))

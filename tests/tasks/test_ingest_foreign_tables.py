@@ -34,8 +34,11 @@ def test_strips_end_where_time_has_gaps(delivery):
     assert (table["camera"] == "CAM").all()
 
 
-def test_heads_that_expose_together_make_no_strips(delivery):
-    rows = [(f"{head}{k}", 4.0 * k) for head in "LR" for k in range(5)] + [("L9", 100.0), ("R9", 100.0)]
+@pytest.mark.parametrize("later", [0.0, 2e-5])
+def test_heads_that_expose_together_make_no_strips(delivery, later):
+    heads = (("L", 0.0), ("R", later))
+    rows = [(f"{head}{k}", 4.0 * k + after) for head, after in heads for k in range(5)]
+    rows += [(f"{head}9", 100.0 + after) for head, after in heads]
     table = table_of(delivery, rows, 'inputs.exposures.strip="time-gaps"')
     assert set(table.loc[["L9", "R9"], "strip"]) == {"2"}
     assert set(table.drop(["L9", "R9"])["strip"]) == {"1"}
