@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from tasks.formats.meanings import IMAGE_POINT_MEANINGS
 from tasks.plausibility.mistake import Mistake
 
 _MOST_NAMES = 8
+_MOST_PAIRS = 3
 
 
 def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataFrame) -> Iterator[Mistake]:
@@ -39,10 +41,25 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
     if len(lost):
         yield Mistake(
             f"{len(lost):,} of {len(surveyed):,} control and check points are not measured in any image: "
-            f"{_named(lost)}.",
+            f"{_named(lost)}.{spelled_otherwise(list(lost), list(measured['point'].unique()))}",
             (),
             "Measure them, or check that both files use the same names.",
         )
+
+
+def spelled_otherwise(missing: Sequence[str], known: Collection[str]) -> str:
+    """A sentence about missing names that others resemble but for case, signs and leading zeros, or none."""
+    by_key = {_spelling(name): name for name in reversed(list(known))}
+    found = [(name, by_key[_spelling(name)]) for name in missing if _spelling(name) in by_key]
+    if not found:
+        return ""
+    pairs = ", ".join(f"'{name}' may be '{other}'" for name, other in found[:_MOST_PAIRS])
+    return f" Names of {len(found):,} of them are spelled otherwise in the image points: {pairs}."
+
+
+def _spelling(name: str) -> str:
+    """A name without case, zeros before a number, and signs between a word and its number."""
+    return re.sub(r"(?<!\d)0+(?=\d)", "", re.sub(r"(?<=[^\W\d_])[\s_.-]+(?=\d)", "", name.strip().casefold()))
 
 
 def _without_control(groups: pd.Series, measured: pd.DataFrame, control: pd.DataFrame) -> str:

@@ -34,6 +34,7 @@ from tasks.coordinates.local_frame import AdjustmentFrame
 from tasks.files.json_text import JSON
 from tasks.first_run import announce_compilation
 from tasks.plausibility.control import ControlDifferences, check_control, control_differences
+from tasks.plausibility.coverage import spelled_otherwise
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
 from tasks.plausibility.distances import check_distances
 from tasks.plausibility.flight_direction import check_flight_direction
@@ -82,15 +83,17 @@ def write_approximate_block(
     points_table = pd.DataFrame({"point": found.point, "rays": found.rays})
     differences = control_differences(surveyed, frame, points_table, _intersections(found))
     expected = expected_intersections(given, checks, found.height)
+    unmeasured, is_suspicious = _unmeasured(surveyed, found)
     suspicions = [
         *found.suspicions,
+        *(unmeasured if is_suspicious else []),
         *check_control(differences, surveyed_table, map_frame, frame, expected),
         *check_flight_direction(given.only(given.position_observed & given.attitude_observed)),
     ]
     problems += suspicions
     problems += found.remarks
     problems += check_distances(given_distances, found.point, found.x_in_local)
-    problems += _dropped(found) + _unmeasured(surveyed, found)
+    problems += _dropped(found) + ([] if is_suspicious else unmeasured)
 
     write_images(folder, found, own[own["image"].isin(unoriented)])
     write_points(folder, found, map_frame)
@@ -218,16 +221,22 @@ def _dropped(found: Approximation) -> list[str]:
     return result
 
 
-def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> list[str]:
-    """A sentence about control and check points that no image shows."""
+def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> tuple[list[str], bool]:
+    """A sentence about control and check points that no image shows, and whether the delivery is to blame.
+
+    It is where all of them are missing, or their names are spelled otherwise in the image points.
+    """
     measured = places_of(surveyed.name, found.point) >= 0
     missing = [name for name, is_there in zip(surveyed.name, measured, strict=True) if not is_there]
     if not missing:
-        return []
+        return [], False
+    otherwise = spelled_otherwise(missing, found.point)
     listed = ", ".join(missing[:5]) + (", …" if len(missing) > 5 else "")
-    return [
-        f"{len(missing)} control or check points are not measured in any image and are not used: {listed}."
-    ]
+    sentence = (
+        f"{len(missing)} of {len(surveyed.name)} control and check points are not measured in any image and "
+        f"are not used: {listed}.{otherwise}"
+    )
+    return [sentence], bool(otherwise) or len(missing) == len(surveyed.name)
 
 
 def _figures(

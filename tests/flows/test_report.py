@@ -517,6 +517,17 @@ def test_control_without_check_points_does_not_pass_for_accuracy(block: Path) ->
     assert len(reported.page.tables["control-points"].keys) == 5
 
 
+def test_control_of_which_no_image_shows_a_point_is_named_first(block: Path) -> None:
+    """Other names in the survey: the residuals agree, and nothing ties the block to the ground."""
+    change(block, "control.csv", "\np", "\nP0")
+    reported = run(block)
+    box = re.sub(r"<[^>]+>", " ", reported.html.partition("<body>")[2].partition("<nav>")[0])
+    first = " ".join(box.split())
+    assert "Look at the delivery. 5 of 5 control and check points are not measured in any image" in first
+    assert "none of 5 surveyed points was used" in first
+    assert "but one thing contradicts the rest" in first
+
+
 def test_control_that_is_not_observed_stands_among_the_check_points(block: Path) -> None:
     reported = run(block, 'adjustment.observe=["gnss", "ins"]')
     require_equal(reported)

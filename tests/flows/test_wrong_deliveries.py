@@ -181,6 +181,14 @@ def mixed_images(delivery: Delivery) -> None:
     delivery.exposures["image"] = names
 
 
+def zeros_lost(delivery: Delivery) -> None:
+    """A spreadsheet has made numbers of the names in one of the files."""
+    names = delivery.control["point"].str.removeprefix("C")
+    of_points = dict(zip(delivery.control["point"], names.str.lstrip("0"), strict=True))
+    delivery.control["point"] = names
+    delivery.points["point"] = delivery.points["point"].replace(of_points)
+
+
 def single_rays(delivery: Delivery) -> None:
     """Half of the points of one image are called otherwise."""
     first = delivery.points["image"] == delivery.points["image"].iloc[0]
@@ -250,6 +258,7 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
     "time offset": ("time", (), ('adjustment.free = [..., "time_offset"]',)),
     "time offset of two heads": ("time", (second_head,), ("look 49 ms late",)),
     "control mixed up": ("omega", (mixed_control,), ("Correct the names in the file of the control",)),
+    "zeros lost": ("omega", (zeros_lost,), ("'001' may be '1'",)),
     "images mixed up": ("omega", (mixed_images,), ("Exchange the names",)),
     "single rays": ("omega", (single_rays,), ("measured in one image only",)),
     "images without points": ("omega", (without_points,), ("have no image points",)),
@@ -286,7 +295,7 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
 QUICK = (
     "micrometres", "phi-omega-kappa", "columns of image points", "exposures swapped in a map",
     "exposures in feet", "zone of the exposures", "antenna", "time offset of two heads",
-    "control mixed up", "images mixed up", "gon and undulation", "y down and radians",
+    "control mixed up", "images mixed up", "gon and undulation", "y down and radians", "zeros lost",
 )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from tasks.quantities import group_words
 _OF_TRAJECTORY = ("gnss_positions", "ins_attitudes")
 #: Tables in which a cause may have a row, the first one counts.
 _OF_POINT = ("control-points", "check-points")
+_NO_SURVEY = "no control and no check points"
 
 
 @dataclass(frozen=True)
@@ -113,5 +114,6 @@ def _independent(material: Material) -> Card:
             "RMS at control points: east, north, up; there are no check points to show the accuracy",
         )
     if values is None:
-        return Card("–", "no control and no check points")
+        delivered = len(material.control_points)
+        return Card("–", f"none of {delivered} surveyed points was used" if delivered else _NO_SURVEY)
     return Card(" ".join(str(Number(value, 3)) for value in values) + " m", what)
