@@ -15,7 +15,7 @@ def image_quality(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="PROJECT.toml|IMAGE", help="A TOML file with a table [image_quality], or one image."
+            metavar="PROJECT.toml|IMAGE", help=r"A TOML file with a table \[image_quality], or one image."
         ),
     ],
     out: Annotated[

@@ -38,10 +38,10 @@ def _command(story: StoryName | None) -> Callable[[Callable[[], None]], Callable
 
 @_command(None)
 def run() -> None:
-    """Run the flow declared in the project file.
+    r"""Run the flow declared in the project file.
 
-    A project file with a table [calibration] runs the system calibration, one with a table
-    [direct_georeferencing] the check of direct georeferencing, any other the adjustment. To choose one of
+    A project file with a table \[calibration] runs the system calibration, one with a table
+    \[direct_georeferencing] the check of direct georeferencing, any other the adjustment. To choose one of
     them regardless of the file, use aerocal calibrate, check or adjust. Delivered files are only read;
     tables, figures and a report are written.
 

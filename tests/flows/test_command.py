@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, get_type_hints
 
 import pandas as pd
 import pytest
+import typer
 
+from flows.command.main import app
 from tests.command_line import aerocal
 
 
@@ -35,6 +40,29 @@ def test_help_teaches() -> None:
     details = aerocal("run", "--help").stdout
     for word in ("--out", "--set", "--data", "--server", "--json", "aerocal run project.toml"):
         assert word in details
+
+
+def test_no_help_takes_a_table_of_the_project_file_for_a_style() -> None:
+    """Rich drops ``[calibration]`` as a style of that name; written with a backslash it is text."""
+    texts = [text for command in _commands(app) for text in _texts(command)]
+    assert len(texts) > 100
+    unknown = {tag for text in texts for tag in re.findall(r"(?<!\\)\[(/?[a-z_]+)\]", text)}
+    assert unknown <= {"bold", "/bold"}
+    assert "A project file with a table [calibration] runs" in aerocal("run", "--help").stdout
+
+
+def _commands(group: typer.Typer) -> Iterator[Any]:
+    for one in group.registered_commands:
+        yield one.callback
+    for below in group.registered_groups:
+        yield from _commands(below.typer_instance)
+
+
+def _texts(command: Any) -> Iterator[str]:
+    yield command.__doc__ or ""
+    for annotation in get_type_hints(command, include_extras=True).values():
+        for item in getattr(annotation, "__metadata__", ()):
+            yield getattr(item, "help", None) or ""
 
 
 def test_a_block_is_adjusted_shown_and_published(block: Path) -> None:
