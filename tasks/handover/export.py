@@ -21,7 +21,7 @@ from tasks.handover.receiver import REFUSED_PX, HandedOver, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
 from tasks.nearest_name import did_you_mean
-from tasks.settings.deliver import World
+from tasks.settings.deliver import CHOSEN_ANGLES, World, own_angles
 
 STATEMENT = "HANDOVER.txt"
 
@@ -78,18 +78,19 @@ def export_results(
     Raises
     ------
     InputError
-        If there is no such format or kind, no results, or the misfit is too large. Nothing is written then.
+        If there is no such format or kind, no results, the format has angles of its own, or the misfit is
+        too large. Nothing is written then.
     """
     form = chosen_format(to, REGISTER)
+    if angles is not None and angles != Angles() and to not in CHOSEN_ANGLES:
+        raise InputError(*own_angles(to), entity="--angles, --unit")
     block = read_results(results)
-    project = results.resolve().parent.name
     wanted = Wanted(form, chosen_world(world, form), angles or Angles(), force=force)
     return write_block(
         block,
         lambda: read_points(results, block),
         wanted,
         results / "export" / to if out is None else out,
-        project,
     )
 
 
@@ -111,15 +112,12 @@ class Wanted:
     adjusted: bool = True
 
 
-def write_block(
-    block: Results, points: Callable[[], BlockPoints], wanted: Wanted, folder: Path, project: str
-) -> Export:
+def write_block(block: Results, points: Callable[[], BlockPoints], wanted: Wanted, folder: Path) -> Export:
     """Write a block into a folder.
 
     Parameters
     ----------
     points : of the block; asked only for a format that takes points.
-    project : its name, for the statement.
 
     Raises
     ------
@@ -140,7 +138,7 @@ def write_block(
     files = dict(form.write(delivery))
     if delivery.handed.refitted:
         files["eo_rigorous.csv"] = _rigorous(block)
-    text = statement(delivery, form, project, adjusted=wanted.adjusted)
+    text = statement(delivery, form, adjusted=wanted.adjusted)
     _write(folder, {**files, STATEMENT: text})
     return Export(folder, tuple(files), text, misfit)
 

@@ -41,7 +41,7 @@ _LEAST_MISFIT_PX = 1e-4
 _WIDTH = 78
 
 
-def statement(delivery: Delivery, form: DeliveryFormat, project: str, *, adjusted: bool = True) -> str:
+def statement(delivery: Delivery, form: DeliveryFormat, *, adjusted: bool = True) -> str:
     """The text.
 
     Parameters
@@ -49,7 +49,7 @@ def statement(delivery: Delivery, form: DeliveryFormat, project: str, *, adjuste
     adjusted : whether the block is adjusted, or as it was delivered.
     """
     parts = [
-        f"{project}: {len(delivery.names)} images, {form.name} ({form.meaning})",
+        f"{delivery.results.name}: {len(delivery.names)} images, {form.name} ({form.meaning})",
         *([] if adjusted else [_AS_DELIVERED]),
         *_about_world(delivery, form),
         *_about_lens(delivery, form),

@@ -68,7 +68,6 @@ def convert_block(
         lambda: block_points(block, known, tables.image_points, tables.control_points),
         Wanted(form, found, Angles(), adjusted=False),
         out,
-        project.name,
     )
 
 

@@ -71,6 +71,13 @@ OFFERS: Mapping[str, Offer] = {
     "geojson": Offer(_MAP, placed=True),
     "kmz": Offer(_MAP, placed=True),
 }
+#: Formats whose angle system can be chosen; that of the others is a part of the format.
+CHOSEN_ANGLES = ("eo-csv",)
+
+
+def own_angles(form: str) -> tuple[str, str]:
+    """What is wrong with angles chosen for another format, and the remedy."""
+    return f"The format {form} has its own order and unit of angles.", "Leave them out, or choose eo-csv."
 
 
 def _below_results(text: str) -> str:
@@ -116,6 +123,8 @@ class DeliverSettings(Settings):
                 f"The format {self.format} cannot be written for the kind '{self.world}'.",
                 f"Name one of: {', '.join(worlds)}.",
             )
+        if (self.angles, self.unit) != ("omega-phi-kappa", "deg") and self.format not in CHOSEN_ANGLES:
+            raise trouble(*own_angles(self.format))
         return self
 
     def trouble_with(self, crs: str, *, flown: bool) -> tuple[str, str] | None:

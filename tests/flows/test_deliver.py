@@ -103,6 +103,7 @@ def test_a_folder_that_holds_something_else_is_left_alone(
     [
         ('{format="patp"}', "patb"),
         ('{format="rpc", world="local"}', "cannot be written for the kind"),
+        ('{format="patb", unit="gon"}', "has its own order and unit of angles"),
         ('{format="stac"}', "needs the date of the flight"),
         ('{format="patb", folder="../elsewhere"}', "below the folder of the results"),
         ('{format="patb", folder="/srv"}', "below the folder of the results"),

@@ -223,6 +223,7 @@ def test_rational_polynomials_lead_to_the_measured_pixel(results: Path, tmp_path
 
 def test_the_statement_says_what_the_user_must_set(results: Path, tmp_path: Path) -> None:
     text = " ".join(export_results(results, "patb", tmp_path).statement.split())
+    assert text.startswith(f"{read_results(results).name}: ")
     for words in ("switched OFF", "NO LONGER camera positions", "eo_rigorous.csv", "not yet validated"):
         assert words in text
     assert " ".join((tmp_path / "HANDOVER.txt").read_text().split()) == text
@@ -281,6 +282,8 @@ def test_wrong_words_are_refused_and_nothing_is_written(results: Path, tmp_path:
         export_results(tmp_path, "patb", out)
     with pytest.raises(InputError, match="--unit"):
         write_export(results, "eo-csv", out, None, "omega-phi-kappa", "grad", force=False)
+    with pytest.raises(InputError, match="--unit: The format patb has its own order and unit of angles"):
+        write_export(results, "patb", out, None, "omega-phi-kappa", "gon", force=False)
     assert not out.exists()
 
 

@@ -168,7 +168,7 @@ def test_a_grid_states_the_jumps_at_seams():
     jump = one.mean_residuals(near + step) - one.mean_residuals(near - step)
     assert 0.3e-6 < grid.misfit < 1.2 * np.linalg.norm(jump, axis=1).max() + 2e-6
     assert grid.rms < 0.2 * grid.misfit
-    text = " ".join(statement(delivery, REGISTER["distortion-grid"], "flown").split())
+    text = " ".join(statement(delivery, REGISTER["distortion-grid"]).split())
     misfit = max(grid.misfit, delivery.grids[0].measured_from_ideal.misfit)
     assert f"reproduces the correction to {1e6 * misfit:.3f}" in text
     assert "step or a bend" in text
@@ -207,7 +207,7 @@ def test_mean_residuals_of_the_shape_of_a_lens_are_in_its_coefficients(refracted
 def test_the_statement_says_where_mean_residuals_and_refraction_are():
     results, points = with_mean_residuals(Flight(refracted=True, corrections=True))
     texts = {
-        name: " ".join(statement(delivered(results, points, name), REGISTER[name], "flown").split())
+        name: " ".join(statement(delivered(results, points, name), REGISTER[name]).split())
         for name in ("corrected-csv", "patb", "isat", "eo-csv", "rpc", "colmap")
     }
     for name, words in {

@@ -98,7 +98,7 @@ def test_an_event_without_its_reference_head(name: str, tmp_path: Path) -> None:
     records = written(results, name, tmp_path)
     assert set(records.heads) == {records.camera.to_pylist()[NAMES.index("4")]}
     assert sorted(map(sorted, events(records).values())) == [["0002.tif", "1 a.tif"], ["4"], ["III_3"]]
-    text = " ".join(statement(delivered(results, flown(Flight())[1], name), REGISTER[name], "block").split())
+    text = " ".join(statement(delivered(results, flown(Flight())[1], name), REGISTER[name]).split())
     assert "Rigs: 2 heads, 3 events." in text
     assert ("written as single images: 1." in text) == (REGISTER[name].rigs == "with-reference")
 
@@ -111,14 +111,14 @@ def test_heads_that_move_are_cameras_alone(name: str, tmp_path: Path) -> None:
     results = replace(results, images=replace(results.images, local_from_camera=turn))
     records = written(results, name, tmp_path)
     assert (records.heads, records.event) == ({}, None)
-    text = statement(delivered(results, flown(Flight())[1], name), REGISTER[name], "block")
+    text = statement(delivered(results, flown(Flight())[1], name), REGISTER[name])
     assert "written as single cameras: their pose relative" in " ".join(text.split())
 
 
 @pytest.mark.parametrize("name", REGISTER)
 def test_other_formats_say_that_heads_stand_alone(name: str) -> None:
     results, points = flown(Flight(rig=True))
-    text = " ".join(statement(delivered(results, points, name), REGISTER[name], "block").split())
+    text = " ".join(statement(delivered(results, points, name), REGISTER[name]).split())
     form = REGISTER[name]
     assert ("Heads of rigs are written as single cameras: the format has no rigs" in text) == (
         form.rigs == "none" and form.oriented

@@ -358,7 +358,7 @@ def test_every_format_with_distortion_says_how_well_it_is_fitted(name):
     results, points = flown(Flight(corrections=True))
     delivery = delivered(results, points, name)
     assert all(0.0 < model.misfit_um < 0.1 for model in delivery.lenses.models)
-    text = " ".join(statement(delivery, REGISTER[name], "flown").split())
+    text = " ".join(statement(delivery, REGISTER[name]).split())
     assert f"fitted over the format to {delivery.lenses.models[0].misfit_um:.3f} µm" in text
     assert "more than 0.1 µm" not in text
 
@@ -368,7 +368,7 @@ def test_a_distortion_that_a_format_cannot_hold_is_remarked_on():
     delivery = delivered(results, points, "blocks-exchange")
     without = replace(delivery, lenses=lens_models(results, ("k1",)))
     assert without.lenses.models[0].misfit_um > 0.1
-    text = " ".join(statement(without, REGISTER["blocks-exchange"], "flown").split())
+    text = " ".join(statement(without, REGISTER["blocks-exchange"]).split())
     assert "more than 0.1 µm: compare corrected image points" in text
 
 
