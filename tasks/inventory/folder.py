@@ -23,12 +23,13 @@ from tasks.inventory.place_lines import HEIGHTS, POSITION, STRIP, camera_lines, 
 from tasks.inventory.recognition import Content, FoundFile, recognised
 from tasks.inventory.toml_lines import comment, key_line, table_line
 from tasks.inventory.trajectory_lines import trajectory_sections, unused_parts
+from tasks.results.manifest import MANIFEST, read_manifest
 from tasks.settings.coordinates import LOCAL
 from tasks.settings.declare import open_value
 
 PROJECT_FILE = "project.toml"
-# Folders of results and of programs are not deliveries.
 _MOST_FILES = 2_000
+_RESULTS = "results of a run, with its exports: no delivery"
 
 
 @dataclass(frozen=True)
@@ -64,22 +65,26 @@ def begin_project(folder: Path) -> Inventory:
             "There is already a project file, and it is never overwritten.",
             "Rename it, or continue with `aerocal doctor`.",
         )
-    files = tuple(map(recognised, _files(root)))
+    results = [manifest.parent for manifest in root.rglob(MANIFEST) if read_manifest(manifest.parent)]
+    read = map(recognised, _files(root, [folder for folder in results if folder != root]))
+    files = (*read, *(FoundFile(folder, (), _RESULTS) for folder in sorted(results) if folder != root))
     _refuse_nothing(files, root)
     text = project_text(root.name, files, root)
     with writing_into(root), target.open("x", encoding="utf-8") as stream:
         stream.write(text)
-    return Inventory(target, files, text.count('"DECLARE: '))
+    declared = [line for line in text.splitlines() if not line.startswith("#")]
+    return Inventory(target, files, sum(line.count('"DECLARE: ') for line in declared))
 
 
-def _files(root: Path) -> list[Path]:
-    """Ordinary files below the folder, none of which is hidden."""
+def _files(root: Path, without: Sequence[Path]) -> list[Path]:
+    """Ordinary files below the folder, none of which is hidden or in one of the folders `without`."""
     found = [
         path
         for path in sorted(root.rglob("*"))
         if path.is_file()
         and not path.is_symlink()
         and not any(part.startswith(".") for part in path.relative_to(root).parts)
+        and not any(path.is_relative_to(folder) for folder in without)
     ]
     if len(found) > _MOST_FILES:
         raise Location(root).error(

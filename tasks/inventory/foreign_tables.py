@@ -106,6 +106,9 @@ def _kinds(fields: list[str], layout: TableLayout) -> Iterator[ProposedTable]:
         # Moments have no coordinates: what has some is another table, even if its reader refuses it.
         if kind == "events" and ({"x", "y"} & own.keys() or alike(("x", "y"), fields)):
             continue
+        # Image points have no height: survey lists with a number and a label are not taken for them.
+        if kind == "image_points" and ("z" in own or alike(("z",), fields)):
+            continue
         missing = [name for name in (*needed, *optional) if name not in own]
         others = [field for field in fields if field.lower() not in (*needed, *optional)]
         found = alike(missing, others)

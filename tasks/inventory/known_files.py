@@ -49,12 +49,13 @@ _TEXTS: tuple[tuple[re.Pattern[bytes], str], ...] = (
         "object points of COLMAP: they are computed again from the image points",
     ),
     (re.compile(rb"\s*# (?:Rig calib|Frame) list with one line"), _RIGS),
+    (re.compile(rb"(?:\w+: .*\n)*LINE_OFF: "), "rational polynomials of an image: not read"),
     (re.compile(rb"(?:#.*\n)*\s*\w+: .*(?:\n.*)*bundle_\w+:"), "settings of OpenSfM: not a delivery"),
 )
 _CRS = re.compile(r"\s*(?:\+proj=|(?:PROJ|GEOG|GEOD|BOUND|COMPOUND|COMPD)(?:CRS|CS)\[)", re.IGNORECASE)
 _FOCAL, _PIXEL = re.compile(r"focal", re.IGNORECASE), re.compile(r"pixel|pitch|px", re.IGNORECASE)
 _TITLES = re.compile(r"[\w\s\"'#%()./-]+(?:[,;\t|][\w\s\"'#%()./-]*)+")
-_NOTES = {"readme", "license", "licence", "copying", "notice", "changelog"}
+_NOTES = {"readme", "license", "licence", "copying", "notice", "changelog", "handover"}
 _LONGEST_LINE, _MOST_HEADINGS = 2_000, 12
 _POINTS, _RIG_FILES = "points3d.bin", ("rigs.bin", "frames.bin")
 

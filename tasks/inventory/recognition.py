@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+import numpy as np
+
 from adjust.errors import ExtensionError
 from tasks.errors import InputError
 from tasks.files.delivered_file import opened
@@ -198,6 +200,9 @@ def _read(path: Path, kind: Kind, name: str, order: AngleOrder | None, layout: T
             records = read_image_points(name, path, layout)
         elif kind == "control":
             records = read_control(name, path, layout)
+            if name in _LISTS and not np.isfinite(records.position[:, :2]).any():
+                # Any words with a number would be points known in height only.
+                return None
         elif kind == "distances":
             records = DISTANCE_FORMATS[name](path)
         elif kind == "trajectory":

@@ -10,6 +10,7 @@ import pytest
 from tasks.errors import InputError
 from tasks.inventory.folder import begin_project
 from tasks.inventory.recognition import recognised, rows_of
+from tasks.results.manifest import Manifest, write_manifest
 from tasks.settings.load import load_project
 from tests.command_line import aerocal
 from tests.tasks.formats.sound_files import SOUND, content_of
@@ -51,6 +52,38 @@ def test_every_format_of_the_register_is_recognised(tmp_path: Path, key: tuple[s
 def test_published_files_are_recognised(test_data: Path, name: str) -> None:
     found = recognised(test_data / "format_samples" / name)
     assert [(one.kind, one.format, rows_of(one.records)) for one in found.contents] == SAMPLES[name]
+
+
+def test_rational_polynomials_are_no_heights_of_control(tmp_path: Path) -> None:
+    file = tmp_path / "W01_001_RPC.TXT"
+    file.write_text("ERR_BIAS: -1\nERR_RAND: 0.02\nLINE_OFF: 6911.5\nSAMP_OFF: 3839.5\nLAT_OFF: 52.01\n")
+    found = recognised(file)
+    assert found.contents == ()
+    assert found.remark == "rational polynomials of an image: not read"
+
+
+def test_a_survey_with_numbers_and_labels_is_control(tmp_path: Path) -> None:
+    file = tmp_path / "survey.txt"
+    file.write_text("Id,label,X,Y,Z\n1001,CP1,0,1,0\n1002,CP2,1,1,0\n")
+    assert [content.kind for content in recognised(file).contents] == ["control"]
+
+
+def test_results_of_a_run_are_no_delivery(tmp_path: Path) -> None:
+    """Neither its tables nor its exports, which would be read as exposures and points once more."""
+    folder = delivery(tmp_path / "delivery")
+    exports = folder / "results" / "export" / "eo"
+    exports.mkdir(parents=True)
+    (exports / "eo.txt").write_bytes((folder / "eo.txt").read_bytes())
+    begin_project(folder)
+    assert "results/export" in (folder / "project.toml").read_text(encoding="utf-8")
+    (folder / "project.toml").unlink()
+    nothing = Manifest(
+        contract_version=1, artifacts={}, stages=(), inputs={}, settings={}, versions={}, times={}
+    )
+    write_manifest(folder / "results", nothing)
+    last = begin_project(folder).files[-1]
+    assert (last.path.name, last.remark) == ("results", "results of a run, with its exports: no delivery")
+    assert "export" not in (folder / "project.toml").read_text(encoding="utf-8")
 
 
 def test_photo_lists_are_no_control(tmp_path: Path) -> None:
@@ -138,10 +171,13 @@ def test_a_folder_without_a_delivery_is_refused(tmp_path: Path) -> None:
 def test_a_second_orientation_of_the_same_images_is_left_to_a_person(tmp_path: Path) -> None:
     folder = delivery(tmp_path / "delivery")
     (folder / "later.csv").write_text((folder / "eo.txt").read_text())
-    begin_project(folder)
+    begun = begin_project(folder)
     text = (folder / "project.toml").read_text(encoding="utf-8")
     assert len(tomllib.loads(text)["inputs"]["exposures"]) == 1
     assert "keep one of the two" in text
+    # What is commented out need not be declared.
+    rest = "\n".join(line for line in text.splitlines() if not line.startswith("#"))
+    assert begun.open_values == rest.count("DECLARE: ") < text.count('"DECLARE: ')
     assert '# file = "later.csv"' in text
 
 
