@@ -9,7 +9,7 @@ import re
 import tomllib
 import typing
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, cast
@@ -63,6 +63,7 @@ class SettingsFile:
     text : as written.
     content : the parsed tables, with values replaced by ``--set``.
     sha256 : digest of the bytes the text was read from, hexadecimal.
+    said : what the user wrote for each replaced key, for messages.
     """
 
     kind: SettingsKind
@@ -70,6 +71,7 @@ class SettingsFile:
     text: str
     content: Table
     sha256: str = ""
+    said: dict[tuple[str, ...], str] = field(default_factory=dict)
 
     def replace(self, overrides: Sequence[str]) -> None:
         """Put texts ``a.b.c=VALUE`` into the content; VALUE is parsed as TOML, else taken as text.
@@ -80,7 +82,8 @@ class SettingsFile:
             If the text is not an assignment, or the key one that such a file does not have.
         """
         for override in overrides:
-            _apply(self.content, override, self.kind)
+            keys, said = _apply(self.content, override, self.kind)
+            self.said[keys] = said
 
     def changed(self, changes: Mapping[str, object], said: str, without: str) -> SettingsFile:
         """A file that differs in some values and lacks one table; `said` opens the messages.
@@ -161,7 +164,7 @@ def _parsed(text: str, path: Path) -> Table:
         ) from error
 
 
-def _apply(content: Table, override: str, kind: SettingsKind) -> None:
+def _apply(content: Table, override: str, kind: SettingsKind) -> tuple[tuple[str, ...], str]:
     """Put one ``a.b.c=VALUE`` into the content; the key must be one such a file can have."""
     key_text, equals, value_text = override.partition("=")
     said = f"--set {visible(override, _SHOWN)}"
@@ -175,7 +178,7 @@ def _apply(content: Table, override: str, kind: SettingsKind) -> None:
     found = trouble_in_tables(value)
     if found is not None:
         raise InputError(f"{said}: {found[1]}", _READABLE)
-    _put(content, key_text, value, said, kind)
+    return _put(content, key_text, value, said, kind), said
 
 
 def _loads(text: str) -> Table:
@@ -186,8 +189,8 @@ def _loads(text: str) -> Table:
         return {}
 
 
-def _put(content: Table, key_text: str, value: object, said: str, kind: SettingsKind) -> None:
-    """Put a value under a dotted key; `said` is what the user wrote, for messages."""
+def _put(content: Table, key_text: str, value: object, said: str, kind: SettingsKind) -> tuple[str, ...]:
+    """Put a value under a dotted key, which is returned; `said` is what the user wrote, for messages."""
     keys = _keys_of(_loads(f"{key_text.strip()} = 0"))
     if not keys or "\n" in key_text.strip():
         raise InputError(
@@ -198,6 +201,7 @@ def _put(content: Table, key_text: str, value: object, said: str, kind: Settings
     for key in keys[:-1]:
         table = _inner(table, key, said)
     table[_index(table, keys[-1], said)] = value
+    return keys
 
 
 def _keys_of(nested: Table) -> tuple[str, ...]:
@@ -293,10 +297,7 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
     name = ".".join(str(key) for key in keys)
     line = line_of_key(source.text, keys)
     if error["type"] == "extra_forbidden":
-        model: Any = source.kind.model
-        for key in error["loc"][:-1]:
-            model = model if isinstance(key, int) else _model_below(model, key)
-        known = list(cast(type[Settings], model).model_fields)
+        known = list(cast(type[Settings], _model_at(error["loc"][:-1], source.kind)).model_fields)
         place = ".".join(map(str, keys[:-1]))
         where = f"in [{place}]" if place else f"in the {source.kind.name}"
         what, remedy = f"There is no key '{keys[-1]}' {where}.", did_you_mean(str(keys[-1]), known)
@@ -310,10 +311,29 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
     elif error["type"] == "tuple_type":
         what = f"The value {_shown(error['input'])} is not a list."
         remedy = f"Write it in brackets: [{_shown(error['input'])}]."
+    elif error["type"] == "model_type":
+        what = f"The value {_shown(error['input'])} is not a table."
+        known = list(cast(type[Settings], _model_at(error["loc"], source.kind)).model_fields)
+        remedy = f"Write {{ KEY = VALUE }} with keys of: {', '.join(known)}."
+    elif error["type"] == "literal_error" and (known := re.findall("'([^']+)'", error["ctx"]["expected"])):
+        what = f"The value {_shown(error['input'])} is not allowed here."
+        remedy = did_you_mean(str(error["input"]), known)
     else:
         what = f"The value {_shown(error['input'])} is not allowed here: {error['msg']}."
         remedy = _page_of(source)
+    texts = tuple(map(str, keys))
+    said = next((text for given, text in source.said.items() if texts[: len(given)] == given), None)
+    if said is not None:
+        return InputError(what, remedy, entity=said)
     return InputError(what, remedy, source.path, line, name or None)
+
+
+def _model_at(location: Keys, kind: SettingsKind) -> Any:
+    """The type of what is at a place of the file."""
+    model: Any = kind.model
+    for key in location:
+        model = model if isinstance(key, int) else _model_below(model, key)
+    return model
 
 
 def _shown(value: object) -> str:
@@ -339,9 +359,7 @@ def _shown_keys(location: Keys, content: Table) -> Keys:
 
 def _remedy_for_missing(location: Keys, kind: SettingsKind) -> str:
     """The remedy in the description of the missing field."""
-    model: Any = kind.model
-    for key in location[:-1]:
-        model = model if isinstance(key, int) else _model_below(model, key)
+    model = _model_at(location[:-1], kind)
     key = str(location[-1])
     known = key in cast(type[Settings], model).model_fields
     meaning = meaning_of(model, key) if known else ""

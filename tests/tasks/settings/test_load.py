@@ -256,6 +256,8 @@ def test_set_takes_only_keys_that_exist(write, override, part):
         ("inputs.exposures.format=ign-opc", "Did you mean 'ign-opk'?"),
         ("adjustment.rejection=some", "critical_value"),
         ("gates.sigma0={}", "no limit"),
+        ("gates.sigma0=1.2", "The value 1.2 is not a table. Write { KEY = VALUE } with keys of: min, max."),
+        ('adjustment.free=["boresite"]', "Did you mean 'boresight'?"),
         ('cameras."CAM 1".file="a.csv"', "Keep only one of the two"),
         ('cameras."CAM 1".mount_deg=45', "0, 90, 180 or 270"),
         ("version=2", "Input should be 1"),
@@ -264,6 +266,17 @@ def test_set_takes_only_keys_that_exist(write, override, part):
 )
 def test_values_that_cannot_be_are_refused(write, override, part):
     assert part in str(refused(write(), override))
+
+
+def test_a_wrong_value_is_looked_for_where_it_was_given(write):
+    """Not in a line of the file that --set has replaced."""
+    error = refused(write(), "adjustment.max_iterations=0")
+    assert (error.file, error.line) == (None, None)
+    assert str(error).startswith("--set adjustment.max_iterations=0: The value 0 is not allowed here")
+    in_file = refused(
+        write(PROJECT.replace("pixel_um = 5.0", "pixel_um = -5.0")), "adjustment.max_iterations=9"
+    )
+    assert in_file.line == line_of(PROJECT, "pixel_um = 5.0")
 
 
 def test_a_camera_without_file_needs_all_its_values(write):

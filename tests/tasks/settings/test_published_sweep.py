@@ -48,5 +48,5 @@ def test_a_burn_in_is_compared_only_with_a_published_protocol(name: str) -> None
     with pytest.raises(InputError) as refused:
         load_simulation("dmc-protocol", (f'burn_in.compare_with="{name}"',))
     assert refused.value.what.endswith(f"There is no published burn-in protocol '{name}'.")
-    assert refused.value.entity == "burn_in.compare_with"
+    assert refused.value.entity == f'--set burn_in.compare_with="{name}"'
     assert "dmc-burn-in-2010" in str(refused.value.remedy)
