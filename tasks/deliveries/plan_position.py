@@ -54,15 +54,25 @@ def refuse_without_image(
     places: Places,
     names: Sequence[str],
 ) -> None:
-    """Raise if a known coordinate became not finite on the way into the project's CRS and heights.
+    """Raise if a position has no place in the project's CRS and heights, or none in the area of that CRS.
 
     Raises
     ------
     InputError
-        Naming the row and the geoid grid it lies outside of.
+        Naming the row and the geoid grid or the area it lies outside of.
     """
     lost = (np.isfinite(position) & ~np.isfinite(converted)).any(axis=1)
     if not lost.any():
+        rows = np.flatnonzero(np.isfinite(converted[:, :2]).all(axis=1))
+        outside = rows[~frames[1].inside_area_of_use(converted[rows])]
+        if len(outside):
+            raise places.error(
+                int(outside[0]),
+                f"The position is outside the area of {frames[1].name}, the CRS of the results "
+                f"({len(outside)} of {len(rows)} rows).",
+                "Correct crs in [project], or that of this file.",
+                str(names[outside[0]]),
+            )
         return
     row = int(np.argmax(lost))
     grids = [frame.heights.geoid.name for frame in frames if frame.heights.geoid is not None]

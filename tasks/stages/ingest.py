@@ -38,9 +38,9 @@ def project_frame(project: ProjectSettings) -> MapFrame:
     frame = MapFrame.of(project.crs, project.heights)
     if not (frame.is_local or frame.is_projected):
         raise InputError(
-            "The CRS of the results is geographic, and results are in metres.",
+            f"The CRS of the results, {project.crs}, is geographic, and results are in metres.",
             'Give a map projection, e.g. crs = "EPSG:2154", or "local".',
-            entity=project.crs,
+            entity="project.crs",
         )
     refuse_distorted_angles(frame)
     return frame

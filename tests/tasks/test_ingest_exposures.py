@@ -220,6 +220,15 @@ def test_positions_of_another_zone_do_not_look_swapped(delivery):
     assert raised.value.line == 3
 
 
+def test_results_far_from_the_area_of_their_crs_are_refused(delivery):
+    """EPSG:2583 for 25832: a zone of another country, into which PROJ converts the block all the same."""
+    with pytest.raises(InputError) as raised:
+        delivery.exposures("project.crs=EPSG:2583")
+    assert (raised.value.line, raised.value.entity) == (2, "I1")
+    assert "outside the area of EPSG:2583, the CRS of the results (3 of 3 rows)" in raised.value.what
+    assert "[project]" in raised.value.remedy
+
+
 def test_geographic_positions_are_east_then_north(delivery):
     frame = MapFrame.of("EPSG:32632", ELLIPSOIDAL)
     latitude, longitude, _ = np.degrees(frame.to_geodetic(np.array([[500400.0, 5300100.0, 0.0]]))[0])
@@ -232,7 +241,7 @@ def test_geographic_positions_are_east_then_north(delivery):
 
 
 def test_results_in_a_geographic_crs_are_refused(delivery):
-    with pytest.raises(InputError, match="results are in metres"):
+    with pytest.raises(InputError, match=r"^project\.crs: .*results are in metres"):
         delivery.exposures("project.crs=EPSG:4326")
 
 
