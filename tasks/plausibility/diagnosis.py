@@ -17,7 +17,7 @@ from adjust.parameters import State
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.hypotheses import Delivered, Hypothesis, with_orientations_of
 from tasks.plausibility.mistake import Mistake
-from tasks.plausibility.orientations import ray_residuals, sample_of_rays
+from tasks.plausibility.orientations import NO_USUAL_SLIP, ray_residuals, sample_of_rays
 
 # A hypothesis is taken when it brings the misses this many times down.
 _MARGIN = 3.0
@@ -203,6 +203,15 @@ def _with_points(delivered: Delivered, chosen: Bools) -> Delivered:
             active=rays.active[kept],
         ),
     )
+
+
+def unexplained(left_px: float, limits: TieLimits) -> Mistake:
+    """Misses that no hypothesis explains, and that are too small to refuse anything."""
+    what = (
+        f"The rays of tie points miss each other by {_px(left_px)} (median) with the given orientations; "
+        f"up to {limits.suspicious_px:.1f} px could be explained by the stated σ."
+    )
+    return Mistake(what, (), NO_USUAL_SLIP)
 
 
 def exchanged_images(delivered: Delivered, misses: TieMisses, limits: TieLimits) -> list[Mistake]:

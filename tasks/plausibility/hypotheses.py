@@ -84,7 +84,9 @@ def of_orientations(given: GivenOrientations, angles: Sequence[Angles]) -> list[
         )
     )
     found += [_shifted(step) for step in (1, -1)]
-    return found
+    references = {one.reference for one in angles}
+    declared = f'inputs.exposures.angles.reference = "{references.pop()}"' if len(references) == 1 else None
+    return [hypothesis for hypothesis in found if hypothesis.declare != declared]
 
 
 def _of_slip(slip: Slip) -> Hypothesis:

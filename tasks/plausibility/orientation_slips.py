@@ -48,7 +48,8 @@ _SAME = np.eye(3)
 def usual_slips(given: GivenOrientations) -> list[Slip]:
     """The common mistakes."""
     on_grid = [] if given.is_heading.all() else _of_the_grid()
-    return [*_of_units(), *_of_axes(), *_of_quarter_turns(given), *on_grid]
+    by_north = _of_headings() if given.is_heading.any() else []
+    return [*_of_units(), *_of_axes(), *_of_quarter_turns(given), *on_grid, *by_north]
 
 
 def _of_units() -> list[Slip]:
@@ -124,6 +125,27 @@ def _of_the_grid() -> list[Slip]:
             declare='exposures.angles.reference = "grid"',
         ),
     ]
+
+
+def _of_headings() -> list[Slip]:
+    """Headings counted from the other north: they differ by the meridian convergence of each exposure."""
+    return [
+        Slip(
+            f"The headings appear to refer to {words}",
+            f'Declare angles.reference = "{reference}" for the exposures.',
+            lambda g, r, sign=sign: (_from_other_north(g, sign), r, "omega-phi-kappa", _SAME),  # type: ignore[misc]
+            declare=f'exposures.angles.reference = "{reference}"',
+        )
+        for words, reference, sign in (("true north", "true-north", 1.0), ("grid north", "grid", -1.0))
+    ]
+
+
+def _from_other_north(given: GivenOrientations, sign: float) -> GivenOrientations:
+    enu_from_grid = np.swapaxes(given.local_from_enu, 1, 2) @ given.local_from_grid
+    convergence = np.arctan2(enu_from_grid[:, 1, 0], enu_from_grid[:, 0, 0])
+    angles = given.angles.copy()
+    angles[:, 0] += sign * np.where(given.is_heading, convergence, 0.0)
+    return replace(given, angles=angles)
 
 
 def _turned_headings(quarter: int) -> Slip:

@@ -22,6 +22,12 @@ from tasks.errors import InputError
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.orientation_slips import Slip, usual_slips
 
+NO_USUAL_SLIP = (
+    "None of the common mistakes (unit, order or reference of the angles, a turned camera, mirrored image "
+    "coordinates) explains it: check the focal length, the positions, and whether the image points belong to "
+    "these exposures. If the camera was never calibrated in this mounting, free the boresight "
+    "(adjustment.free). If GNSS and INS are not as accurate as stated, state their σ."
+)
 # A mistake is named when it brings the median residual below the limit and this many times below others.
 _MARGIN = 3.0
 # So many slips that explain it alike are named.
@@ -187,13 +193,7 @@ def _refusal(
         also = "".join(f" {other.looks_like} just as well." for other in others)
         remedy = " Or: ".join(slip.remedy for slip in slips)
         return InputError(f"{miss} {first.looks_like}: then it is {_px(left_px)}.{also}", remedy)
-    return InputError(
-        miss,
-        "None of the common mistakes (unit, order or reference of the angles, a turned camera, mirrored "
-        "image coordinates) explains it: check the focal length, the positions, and whether the image "
-        "points belong to these exposures. If the camera was never calibrated in this mounting, free the "
-        "boresight (adjustment.free). If GNSS and INS are not as accurate as stated, state their σ.",
-    )
+    return InputError(miss, NO_USUAL_SLIP)
 
 
 def _px(value: float) -> str:

@@ -24,7 +24,7 @@ from tasks.files.json_text import JSON
 from tasks.plausibility.control_diagnosis import Survey, diagnosed_control
 from tasks.plausibility.coverage import other_pixel_origins, uncovered
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
-from tasks.plausibility.diagnosis import TieMisses, diagnosed, exchanged_images
+from tasks.plausibility.diagnosis import TieMisses, diagnosed, exchanged_images, unexplained
 from tasks.plausibility.hypotheses import Delivered, of_orientations
 from tasks.plausibility.misalignment import misalignment
 from tasks.plausibility.mistake import Mistake
@@ -144,6 +144,8 @@ def _by_ties(
     mistakes += moved_positions(settled, misses, positions, limits.suspicious_px)
     if found.left_px <= limits.wrong_px:
         mistakes += exchanged_images(found.delivered, misses, limits)
+        if not mistakes and found.left_px > limits.suspicious_px:
+            mistakes.append(unexplained(found.left_px, limits))
     return mistakes, replace(block, delivered=found.delivered)
 
 

@@ -59,6 +59,7 @@ def blocks(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
         # The order of small angles has no effect, and then it is no mistake.
         "tilted": (OMEGA, "trajectory.attitude_deg=[8.0, 8.0, 2.0]"),
         "heading": (HEADING,),
+        "heading utm": (HEADING, *UTM),
         "utm": (OMEGA, *UTM),
         "arm": (HEADING, arm, "project.free=[]", "truth.boresight_deg=[0,0,0]"),
         "time": (HEADING, "truth.time_offset_s=0.05", "project.free=[]", "truth.boresight_deg=[0,0,0]"),
@@ -154,6 +155,11 @@ def last_by(degrees: float) -> Callable[[np.ndarray], np.ndarray]:
 
 def heading_by(degrees: float) -> Callable[[np.ndarray], np.ndarray]:
     return lambda values: np.column_stack([(values[:, 0] + degrees) % 360.0, values[:, 1:]])
+
+
+def noisy(values: np.ndarray) -> np.ndarray:
+    """Errors of 0.05°, twelve times those that are stated."""
+    return values + np.random.default_rng(7).normal(0.0, 0.05, values.shape)
 
 
 def heights(table: str, metres: float) -> Wrong:
@@ -258,6 +264,14 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
     "time offset": ("time", (), ('adjustment.free = [..., "time_offset"]',)),
     "time offset of two heads": ("time", (second_head,), ("look 49 ms late",)),
     "control mixed up": ("omega", (mixed_control,), ("Correct the names in the file of the control",)),
+    "headings of the map": (
+        "heading utm",
+        (replaced('"true-north"', '"grid"'),),
+        ('angles.reference = "true-north"',),
+    ),
+    # The meridian convergence at 9.6° east in zone 32.
+    "headings from the map": ("heading utm", (angles(heading_by(-0.452)),), ('angles.reference = "grid"',)),
+    "attitudes of another grade": ("heading", (angles(noisy),), ("If GNSS and INS are not as accurate",)),
     "zeros lost": ("omega", (zeros_lost,), ("'001' may be '1'",)),
     "images mixed up": ("omega", (mixed_images,), ("Exchange the names",)),
     "single rays": ("omega", (single_rays,), ("measured in one image only",)),
@@ -296,6 +310,7 @@ QUICK = (
     "micrometres", "phi-omega-kappa", "columns of image points", "exposures swapped in a map",
     "exposures in feet", "zone of the exposures", "antenna", "time offset of two heads",
     "control mixed up", "images mixed up", "gon and undulation", "y down and radians", "zeros lost",
+    "headings from the map", "attitudes of another grade",
 )  # fmt: skip
 
 
