@@ -134,7 +134,7 @@ def _facts(item: StoredCalibration) -> Table:
     """Camera and origin of a calibration, in two columns."""
     record, camera, flight = item.record, item.camera, item.record.flight
     heights = ", ".join(f"{height:.0f}" for height in flight.heights_m)
-    headings = ", ".join(f"{heading:.0f}" for heading in flight.headings_deg)
+    headings = ", ".join(f"{round(heading) % 360}" for heading in flight.headings_deg)
     held = "valid for no flight" if item.validity is None else f"valid for flights {item.validity}"
     return facts_table(
         (

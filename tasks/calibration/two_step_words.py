@@ -32,9 +32,11 @@ def camera_remarks(item: CameraDifferences, result: TwoStep, error_probability: 
     remarks = [slip] if slip is not None and result.offset.verdict == "body" else []
     remarks += [_of_mounting(item, result, group, error_probability) for group in result.others]
     if not result.mountings.tested:
+        number = len(result.strips.strip)
+        are = "strip is" if number == 1 else "strips are"
         remarks.append(
-            f"Camera {item.camera}: {len(result.strips.strip)} strips are too few to identify one with "
-            "another mounting from their scatter."
+            f"Camera {item.camera}: {number} {are} too few to identify one with another mounting from their "
+            "scatter."
         )
     elif not result.mountings.lever_arms_comparable:
         remarks.append(

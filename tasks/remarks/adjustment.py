@@ -82,7 +82,8 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
     ]
     if figures.critical_value is not None and counts:
         taken_back = figures.taken_back
-        back = f"; {taken_back:,} that had been rejected were accepted again" if taken_back else ""
+        were = "was" if taken_back == 1 else "were"
+        back = f"; {taken_back:,} that had been rejected {were} accepted again" if taken_back else ""
         yield (
             f"Rejected as gross errors: {', '.join(counts)} (|standardized residual| above "
             f"{figures.critical_value:g}){back}."

@@ -17,7 +17,8 @@ class _Kind:
     """One kind of alternative: its words, what to check, and its axes where it is not a kind of parameters.
 
     ``place``: its axes are east, north and up, and its size is said as "too far west" or "too high".
-    ``whole``: what to do first where it concerns all images alike.
+    ``whole``: what to do first where it concerns all images alike. ``{reject}`` of a remedy is what may be
+    done only where gross errors are not rejected already.
     """
 
     words: str
@@ -27,6 +28,7 @@ class _Kind:
     whole: str = ""
 
 
+_REJECT = ", or reject gross errors (adjustment.rejection)"
 _KINDS: Mapping[str, _Kind] = {
     "lever_arm": _Kind(
         "The lever arm of camera {entity}{where} looks wrong by {size} (forward x, right y, down z)",
@@ -58,18 +60,18 @@ _KINDS: Mapping[str, _Kind] = {
     ),
     "gnss_position": _Kind(
         "The GNSS position of image {entity} is {size}",
-        "Check its time and its solution, or reject gross errors (adjustment.rejection).",
+        "Check its time and its solution{reject}.",
         ("x", "y", "z"),
         place=True,
     ),
     "ins_attitude": _Kind(
         "The INS attitude of image {entity} does not fit: computed − given {size}",
-        "Check its time, or reject gross errors (adjustment.rejection).",
+        "Check its time{reject}.",
         ("roll", "pitch", "yaw"),
     ),
     "control_point": _Kind(
         "The given coordinates of control point {entity} are {size}",
-        "Check them and its measurement in the images, or reject gross errors (adjustment.rejection).",
+        "Check them and its measurement in the images{reject}.",
         ("x", "y", "z"),
         place=True,
     ),
@@ -131,8 +133,13 @@ _QUANTITIES = {
 }
 
 
-def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
-    """The causes in a table of alternatives, the most likely first; axes of the same thing are one cause."""
+def model_findings(alternatives: pd.DataFrame, *, rejecting: bool = False) -> tuple[ModelFinding, ...]:
+    """The causes in a table of alternatives, the most likely first; axes of the same thing are one cause.
+
+    Parameters
+    ----------
+    rejecting : whether gross errors were rejected.
+    """
     chosen = alternatives[alternatives["rank"] > 0].sort_values("rank")
     runner_up = _runner_up(alternatives)
     causes: dict[tuple[str, str, str, str], list[Mapping[Hashable, object]]] = {}
@@ -141,7 +148,8 @@ def model_findings(alternatives: pd.DataFrame) -> tuple[ModelFinding, ...]:
         key = (kind, str(row["entity"]), str(row["scope"]), str(row["part"]))
         causes.setdefault(key, []).append(row)
     return tuple(
-        _finding(number, key, rows, runner_up) for number, (key, rows) in enumerate(causes.items(), start=1)
+        _finding(number, key, rows, runner_up, "" if rejecting else _REJECT)
+        for number, (key, rows) in enumerate(causes.items(), start=1)
     )
 
 
@@ -166,7 +174,11 @@ def _kind_and_axis(quantity: str) -> tuple[str, str]:
 
 
 def _finding(
-    number: int, key: tuple[str, str, str, str], rows: list[Mapping[Hashable, object]], runner_up: str
+    number: int,
+    key: tuple[str, str, str, str],
+    rows: list[Mapping[Hashable, object]],
+    runner_up: str,
+    reject: str,
 ) -> ModelFinding:
     kind, entity, scope, part = key
     moving = max(rows, key=lambda row: float(str(row["moved_by_estimate"])))
@@ -204,7 +216,7 @@ def _finding(
     )
     tested = f"(t = {size}, critical value {critical:.1f}{runner_up})"
     remedy = words.remedy if part or not words.whole else f"{words.whole} {words.remedy}"
-    sentence = f"{text} {tested}.{alike}{effect} {remedy}"
+    sentence = f"{text} {tested}.{alike}{effect} {remedy.replace('{reject}', reject)}"
     return ModelFinding(
         rank=number,
         quantity=kind,

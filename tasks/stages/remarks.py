@@ -44,7 +44,8 @@ def write_remarks(
     """Write the remarks on an adjustment; see `tasks.stages.remarks_stage`."""
     written = read_notes(notes).figures
     figures, summary = figures_of(written), summary_of_figures(written)
-    findings = model_findings(read_table(model_alternatives))
+    rejecting = figures.critical_value is not None
+    findings = model_findings(read_table(model_alternatives), rejecting=rejecting)
     distances, neighbours = read_table(distance_residuals), read_table(residual_autocorrelation)
     said = (
         *_of_tests(figures, summary, distances, findings),

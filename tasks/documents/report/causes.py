@@ -150,7 +150,7 @@ def _rejected_strips(table: pd.DataFrame) -> dict[tuple[str, str], Cause]:
         own = table[(table["group"] == group) & (table["strip"] == strip)]
         sizes = own.groupby("component", sort=True)["residual"].median()
         unit = unit_words(str(own["unit"].iloc[0]))
-        size = ", ".join(f"{name} {value:+.3g}" for name, value in sizes.items())
+        size = ", ".join(f"{name} {_signed(value, '.3g')}" for name, value in sizes.items())
         found[group, strip] = Cause(
             f"strip {strip}",
             f"{few} of its {every} {group_words(group)} were rejected; median of computed − given: "
@@ -166,8 +166,8 @@ def _rejected_one(row: Mapping[Hashable, Any]) -> Cause:
     image, point = (row[name] if isinstance(row[name], str) else "" for name in ("image", "point"))
     group, unit = str(row["group"]), unit_words(str(row["unit"]))
     size = (
-        f"computed − given {row['component']} {float(row['residual']):+.3g} {unit}, "
-        f"{float(row['ratio']):.1f} times its σ"
+        f"computed − given {row['component']} {_signed(float(row['residual']), '.3g')} {unit}, "
+        f"{float(row['ratio']):.1f} times its stated σ"
     )
     words = group_words(group)
     if group == "control_points":
@@ -221,12 +221,19 @@ def _check_points(material: Material) -> Iterator[Cause]:
     tests = int(table[[f"{axis}_ratio" for axis in AXES]].notna().to_numpy().sum())
     limit = special.ndtri(1.0 - 0.5 * _ERROR_PROBABILITY / max(tests, 1))
     for row in table[table["largest"] > limit].sort_values("largest", ascending=False).to_dict("records"):
-        size = ", ".join(f"{axis} {row[f'{axis}_m']:+.3f} m" for axis in AXES if row[f"{axis}_ratio"] > limit)
+        size = ", ".join(
+            f"{axis} {_signed(row[f'{axis}_m'], '.3f')} m" for axis in AXES if row[f"{axis}_ratio"] > limit
+        )
         sentence = (
             f"Computed − given {size}, {row['largest']:.1f} times its σ. Check its coordinates and its "
             "measurement in the images."
         )
         yield Cause(f"check point {row['point']}", sentence, point=str(row["point"]))
+
+
+def _signed(value: float, form: str) -> str:
+    """A number with its sign, the minus being that of all tables of the page."""
+    return f"{value:+{form}}".replace("-", "−")
 
 
 def by_place(found: Sequence[Cause]) -> Mapping[str, tuple[str, ...]]:

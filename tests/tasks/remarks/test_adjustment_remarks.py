@@ -85,6 +85,8 @@ def test_rejections_name_control_points_and_given_up_points() -> None:
     first, points, given_up, uncontrolled = rejection_sentences(figures)
     assert "image points (7), control points (3)" in first
     assert "above 4.13); 2 that had been rejected were accepted again" in first
+    one, *_ = rejection_sentences(figures.model_copy(update={"taken_back": 1}))
+    assert "above 4.13); 1 that had been rejected was accepted again" in one
     assert points.startswith("Rejected control points: C1.")
     assert given_up.startswith("7 object points were removed")
     assert "P0, P1, P2, P3, P4 and 2 more" in given_up

@@ -98,6 +98,14 @@ def test_an_attitude_is_said_as_computed_minus_given() -> None:
     assert "does not fit: computed − given roll −0.2 ± 0.01°" in found.sentence
 
 
+def test_rejection_is_advised_only_where_nothing_is_rejected() -> None:
+    rows = pd.DataFrame([row("gnss_position_x", 1, 0.2, entity="E03_004")])
+    (found,) = model_findings(rows)
+    assert found.sentence.endswith("its solution, or reject gross errors (adjustment.rejection).")
+    (found,) = model_findings(rows, rejecting=True)
+    assert found.sentence.endswith("Check its time and its solution.")
+
+
 def test_the_same_thing_in_two_strips_is_two_causes() -> None:
     rows = [
         row("boresight_roll", k + 1, 0.02, unit="deg", scope="strip", part=f"E0{k}", explained_sigma=0.001)

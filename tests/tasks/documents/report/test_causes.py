@@ -139,7 +139,7 @@ def test_a_rejected_strip_is_one_cause_with_the_sign_of_tables_and_map() -> None
     (found,) = causes(_material(_residuals(strip)))
     assert found.place == "strip A"
     assert "4 of its 5 GNSS positions were rejected" in found.sentence
-    assert "computed − given: x -0.3, y -0.3 m" in found.sentence
+    assert "computed − given: x −0.3, y −0.3 m" in found.sentence
 
 
 def test_two_rejected_positions_of_a_strip_are_two_images_the_larger_first() -> None:
@@ -153,7 +153,7 @@ def test_a_rejected_control_point_is_named_and_its_remark_is_not_repeated() -> N
     material = _material(_residuals({("control_points", "2"): 0.3}), problems=(own, "Something else."))
     found = causes(material)
     assert [cause.place for cause in found] == ["control point 2"]
-    assert "6.0 times its σ" in found[0].sentence
+    assert "6.0 times its stated σ" in found[0].sentence
     assert remarks(material, found) == ("Something else.",)
     assert verdict(material, found).tone == "attention"
 
