@@ -301,7 +301,8 @@ def _not_text(content: bytes, file: Path, first_line: int, encoding: str) -> Inp
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + first_line
     return Location(file, line).error(
-        f"This contains characters that are not {encoding.upper()} text.", "Save the file as UTF-8."
+        f"This contains characters that are not {encoding.upper()} text.",
+        'Save the file as UTF-8, or, if it is a table (csv), declare encoding = "latin-1".',
     )
 
 

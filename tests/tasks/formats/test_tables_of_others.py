@@ -115,6 +115,9 @@ def test_a_heading_like_ours_can_be_declared_unused(file):
 
 def test_latin_1_is_read_where_it_is_declared(file):
     path = file("point,x,y,z\nKöln,1,2,3\n", "latin-1")
+    with pytest.raises(InputError, match='declare encoding = "latin-1"') as refused:
+        read_csv_control(path, TableLayout())
+    assert refused.value.line == 2
     assert "UTF-8" in remedy_of(read_csv_control, path)
     assert read_csv_control(path, TableLayout(encoding="latin-1")).point.to_pylist() == ["Köln"]
 
