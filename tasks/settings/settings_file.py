@@ -33,6 +33,7 @@ _DEEPEST = 30
 # A list of names of check points is the longest value there is; what --set replaces is shorter than a file.
 _LONGEST_OVERRIDE = 100_000
 _SHOWN = 80
+_MOST_FILES = 3
 _READABLE = "Write ordinary characters, and numbers of possible size."
 
 
@@ -132,6 +133,10 @@ def read_settings_file(path: Path, kind: SettingsKind, *, links: bool = True) ->
     """
     if not is_there(path):
         raise Location(path).error(f"There is no such {kind.name}.", "Check the path.")
+    if path.is_dir():
+        inside = ", ".join(visible(file.name, _SHOWN) for file in sorted(path.glob("*.toml"))[:_MOST_FILES])
+        remedy = f"Name the file in it: {inside}." if inside else "There is none in it."
+        raise Location(path).error(f"This is a folder, not a {kind.name}.", remedy)
     read = read_delivered(path.resolve() if links else path, "settings")
     try:
         text = read.decode("utf-8-sig")

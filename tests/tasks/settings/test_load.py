@@ -154,6 +154,14 @@ def test_a_project_file_that_is_not_there_is_an_input_error(tmp_path):
         load_project(tmp_path / "none.toml")
 
 
+def test_a_folder_in_the_place_of_a_project_file_names_the_one_in_it(write, tmp_path):
+    name = write().name
+    with pytest.raises(
+        InputError, match=rf"This is a folder, not a project file\. Name the file in it: {name}\."
+    ):
+        load_project(tmp_path)
+
+
 def test_a_project_file_that_is_not_utf8_is_an_input_error(tmp_path):
     path = tmp_path / "project.toml"
     path.write_bytes('name = "Mühle"'.encode("latin-1"))
