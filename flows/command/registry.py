@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import date, datetime
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
@@ -53,8 +53,16 @@ Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print only JSON o
 Number: TypeAlias = Annotated[
     str, typer.Argument(metavar="ID", help="Number of the calibration, or 8 digits of its verification code.")
 ]
-# typer knows days as datetime only.
-_DAY = {"formats": ["%Y-%m-%d"], "metavar": "DATE"}
+
+
+def _day(text: str) -> date:
+    try:
+        return datetime.strptime(text, "%Y-%m-%d").date()
+    except ValueError as error:
+        raise typer.BadParameter(f"'{text}' is no day. Write year-month-day, e.g. 2026-03-01.") from error
+
+
+_DAY = {"parser": _day, "metavar": "DATE"}
 
 
 @registry.command()
@@ -129,9 +137,9 @@ def show(
 @registry.command()
 def approve(
     number: Number,
-    start: Annotated[datetime, typer.Option("--from", help="First day of validity.", **_DAY)],
+    start: Annotated[date, typer.Option("--from", help="First day of validity.", **_DAY)],
     end: Annotated[
-        datetime | None,
+        date | None,
         typer.Option("--to", help="Last day of validity.", show_default="until superseded", **_DAY),
     ] = None,
     person: Person = None,
@@ -158,8 +166,7 @@ def approve(
     """
     from flows.command.registry_actions import approve_calibration
 
-    first, last = start.date(), None if end is None else end.date()
-    end_with(lambda: approve_calibration(number, (first, last), person, note, although, address))
+    end_with(lambda: approve_calibration(number, (start, end), person, note, although, address))
 
 
 @registry.command()

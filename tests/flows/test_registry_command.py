@@ -189,6 +189,13 @@ def test_what_cannot_be_ends_with_2_and_one_sentence(
     assert "secret" not in done.stdout + done.stderr
 
 
+def test_a_day_that_is_none_is_refused_with_the_way_to_write_it(filled: Console) -> None:
+    for day in ("2025-13-01", "1.3.2025", "20250301"):
+        done = filled("approve", "3", "--from", day)
+        assert done.exit_code == 2
+        assert f"'{day}' is no day. Write year-month-day" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

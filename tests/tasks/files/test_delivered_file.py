@@ -99,7 +99,9 @@ def test_every_reader_refuses_a_file_without_end(
 def test_every_reader_refuses_a_folder(reader: Callable[[Path], object], tmp_path: Path) -> None:
     folder = tmp_path / "folder.toml"
     folder.mkdir()
-    with pytest.raises(InputError, match=r"not an ordinary file|no calibration in this folder|a folder, not a"):
+    with pytest.raises(
+        InputError, match=r"not an ordinary file|no calibration in this folder|a folder, not a"
+    ):
         reader(folder)
 
 
