@@ -41,7 +41,11 @@ class WithHeld:
 
 
 def with_held(
-    parameters: pd.DataFrame, correlations: pd.DataFrame, effects: pd.DataFrame, sigmas: dict[str, float]
+    parameters: pd.DataFrame,
+    correlations: pd.DataFrame,
+    effects: pd.DataFrame,
+    sigmas: dict[str, float],
+    limit_of_t: float,
 ) -> WithHeld:
     """Add what is held to the standard deviations and correlations of the parameters.
 
@@ -49,6 +53,7 @@ def with_held(
     ----------
     effects : model_alternative_effects.parquet.
     sigmas : quantity → standard deviation, see `held_sigmas`.
+    limit_of_t : |t| beyond which a change is significant; with larger σ fewer are.
     """
     estimated = parameters[parameters["sigma"].notna()]
     keys: list[Key] = list(zip(estimated["parameter"], estimated["entity"], strict=True))
@@ -65,7 +70,7 @@ def with_held(
         shares[quantity, entity, unit] = share
     spread = np.sqrt(np.diagonal(covariance))
     return WithHeld(
-        _with_sigmas(parameters, keys, spread),
+        _with_sigmas(parameters, keys, spread, limit_of_t),
         _correlations(keys, covariance, spread),
         tuple(
             RecordedHeld(
@@ -83,12 +88,16 @@ def with_held(
     )
 
 
-def _with_sigmas(parameters: pd.DataFrame, keys: list[Key], spread: Floats) -> pd.DataFrame:
+def _with_sigmas(
+    parameters: pd.DataFrame, keys: list[Key], spread: Floats, limit_of_t: float
+) -> pd.DataFrame:
     sigma = dict(zip(keys, spread, strict=True))
     table = parameters.copy()
     rows = list(zip(table["parameter"], table["entity"], strict=True))
     table["sigma"] = [sigma.get(key, np.nan) for key in rows]
     table["t"] = table["change"] / table["sigma"]
+    no_longer = (table["status"] == "significant") & (table["t"].abs() <= limit_of_t)
+    table["status"] = table["status"].mask(no_longer, "not_significant")
     return table
 
 

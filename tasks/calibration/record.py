@@ -55,7 +55,7 @@ class CalibratedParameter(RecordModel):
     given : value before the calibration.
     sigma : a posteriori, including the effect of held quantities; None if it was held itself.
     sigma_prior : of its pseudo-observation; None without one.
-    status : as in parameters.parquet.
+    status : as in parameters.parquet, but significance is tested with this sigma.
     verdict : determined, weak, not determinable, or held.
     because : the reason of the verdict, a sentence, and what to fly; empty if there is nothing to say.
     """

@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import pandas as pd
 
+from adjust.selection.significance import limit_of_t
 from tasks.calibration.camera_record import Found, Origin, bodies, record_of
 from tasks.calibration.evidence import Evidence
 from tasks.calibration.head_boresight import head_boresights
@@ -84,14 +85,18 @@ def describe_calibration(
     """
     outputs = {name: artifact for one in stages for name, artifact in one.items()}
     images, cameras = read_table(outputs["images"]), read_table(outputs["cameras"])
-    known = _known(outputs, settings)
+    summary = merged_figures([read_notes(notes) for notes in adjusted])
+    of_adjustment = figures_of(summary)
+    redundancy = round(float(str(summary["redundancy"])))
+    test = of_adjustment.global_test
+    assert test is not None  # every adjustment has one
+    known = _known(outputs, settings, limit_of_t(1.0 - test.confidence, redundancy))
     steps = None
     if means is not None:
         mountings = images_of_mountings(read_table(outputs["orientation_differences"]), images)
         table, pairs = known.parameters, known.correlations
         steps = compared_steps(table, pairs, read_table(means), mountings)
-    summary = merged_figures([read_notes(notes) for notes in adjusted])
-    evidence = _evidence(stages, outputs, figures_of(summary), gates, steps)
+    evidence = _evidence(stages, outputs, of_adjustment, gates, steps)
     found = _found(known, images, cameras, evidence, settings, _held(releases))
     origin = Origin(
         project=name,
@@ -101,7 +106,7 @@ def describe_calibration(
         inputs=_digests(inputs, given),
         software=software,
         sigma0=float(str(summary["sigma0"])),
-        redundancy=round(float(str(summary["redundancy"]))),
+        redundancy=redundancy,
         remarks=(*remarks, *([steps.sentence] if steps is not None else [])),
     )
     calibrated = bodies(cameras, images)
@@ -128,11 +133,12 @@ def file_stem(camera: str, *, alone: bool) -> str:
     return f"{CALIBRATION}_{plain}{told_apart}"
 
 
-def _known(outputs: Mapping[str, Artifact], settings: CalibrationSettings) -> WithHeld:
+def _known(outputs: Mapping[str, Artifact], settings: CalibrationSettings, limit: float) -> WithHeld:
     """Parameters and correlations of the adjustment, with what was held in their σ."""
     parameters, correlations = read_table(outputs["parameters"]), read_table(outputs["correlations"])
     sigmas = held_sigmas(settings.held, read_table(outputs["residuals"]))
-    return with_held(parameters, correlations, read_table(outputs["model_alternative_effects"]), sigmas)
+    effects = read_table(outputs["model_alternative_effects"])
+    return with_held(parameters, correlations, effects, sigmas, limit)
 
 
 def _found(

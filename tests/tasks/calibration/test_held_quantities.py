@@ -12,6 +12,8 @@ from tasks.settings.calibration import HeldSigmas
 KEYS = (("gnss_shift_z", "1"), ("focal_length", "UCE"), ("gnss_strip_bias_z", "E01"))
 FORMAL = np.array([0.010, 0.0006, 0.02])
 CORRELATION = np.array([[1.0, -0.9, 0.1], [-0.9, 1.0, 0.0], [0.1, 0.0, 1.0]])
+#: Of |t|, two-sided 95 % of many degrees of freedom.
+LIMIT = 1.96
 EFFECTS = {("lever_arm_z", "UCE", "m"): (-0.95, 0.001), ("refraction", "", "1"): (0.1, -0.004)}
 
 
@@ -23,6 +25,7 @@ def parameters() -> pd.DataFrame:
             "change": [0.3, -0.008, 0.01, 0.0],
             "sigma": [*FORMAL, np.nan],
             "t": [30.0, -13.0, 0.5, np.nan],
+            "status": ["significant", "significant", "not_significant", "fixed"],
         }
     )
 
@@ -61,7 +64,7 @@ def effects(scope: str = "all") -> pd.DataFrame:
 
 def test_the_covariance_is_the_formal_one_and_the_squares_of_what_is_held() -> None:
     sigmas = {"lever_arm_z": 0.01, "refraction": 0.05, "time_offset": 0.0002}
-    found = with_held(parameters(), correlations(), effects(), sigmas)
+    found = with_held(parameters(), correlations(), effects(), sigmas, LIMIT)
     expected = CORRELATION * np.outer(FORMAL, FORMAL)
     for (quantity, _, _), values in EFFECTS.items():
         share = sigmas[quantity] * np.array([*values, 0.0])
@@ -78,12 +81,19 @@ def test_the_covariance_is_the_formal_one_and_the_squares_of_what_is_held() -> N
 
 
 def test_what_is_held_is_listed_with_the_parameter_it_matters_to_most() -> None:
-    found = with_held(parameters(), correlations(), effects(), {"lever_arm_z": 0.01, "refraction": 0.05})
+    found = with_held(parameters(), correlations(), effects(), {"lever_arm_z": 0.01, "refraction": 0.05}, LIMIT)
     arm, refraction = found.held
     assert (arm.quantity, arm.entity, arm.unit, arm.sigma) == ("lever_arm_z", "UCE", "m", 0.01)
     assert (arm.moves, arm.moves_entity) == ("gnss_shift_z", "1")
     assert arm.part == pytest.approx(0.0095 / found.parameters["sigma"].iloc[0])
     assert refraction.moves == "gnss_shift_z"
+
+
+def test_significance_is_tested_with_the_sigma_that_is_certified() -> None:
+    """−8 µm are 13 formal σ of 0.6 µm, and 1.7 σ once what refraction is known by is part of it."""
+    found = with_held(parameters(), correlations(), effects(), {"refraction": 1.2}, LIMIT).parameters
+    assert found["t"][:3].abs().round(1).tolist() == [2.5, 1.7, 0.5]
+    assert found["status"].tolist() == ["significant", "not_significant", "not_significant", "fixed"]
 
 
 @pytest.mark.parametrize(
@@ -92,7 +102,7 @@ def test_what_is_held_is_listed_with_the_parameter_it_matters_to_most() -> None:
     ids=["other parts of the flight", "perfectly known", "not held"],
 )
 def test_without_anything_held_nothing_changes(table: pd.DataFrame, sigmas: dict[str, float]) -> None:
-    found = with_held(parameters(), correlations(), table, sigmas)
+    found = with_held(parameters(), correlations(), table, sigmas, LIMIT)
     np.testing.assert_allclose(found.parameters["sigma"][:3], FORMAL, rtol=1e-12)
     np.testing.assert_allclose(found.correlations["correlation"], correlations()["correlation"], rtol=1e-12)
 
