@@ -11,7 +11,7 @@ from html import escape
 from typing import Any
 
 from tasks.production.board import ProjectRow
-from tasks.quantities import quantity_words, shown
+from tasks.quantities import shown
 from tasks.registry.series import SeriesPoint
 from tasks.registry.watch import RegistryWatch, WatchedSeries
 
@@ -144,7 +144,7 @@ def series_figure(series: WatchedSeries, today: date) -> Figure:
     traces = [_of_state(state, points, zero, factor, unit) for state in _STATES]
     figure = layout(f"change [{unit}]")
     figure["title"] = {
-        "text": f"<b>{quantity_words(series.series.parameter)}</b>",
+        "text": f"<b>{escape(series.series.words)}</b>",
         "font": {"size": 13},
         "x": 0.02,
         "y": 0.97,

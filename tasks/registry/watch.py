@@ -110,7 +110,8 @@ def _bands(series: ParameterSeries, drifts: Sequence[Drift]) -> tuple[Band, ...]
         )
         for drift in drifts
         for found in drift.parameters
-        if (found.change.parameter, found.change.unit) == (series.parameter, series.unit)
+        if (found.change.parameter, found.change.unit, found.change.head)
+        == (series.parameter, series.unit, series.head)
     )  # fmt: skip
 
 
@@ -147,7 +148,7 @@ def _drift_json(drift: Drift) -> JSON:
         "drifted": drift.has_drifted,
         "parameters": [
             {
-                **attributes(one.change, "parameter", "unit", "change", "sigma"),
+                **attributes(one.change, "parameter", "unit", "head", "change", "sigma"),
                 "limit": one.limit,
                 "exceeded": one.exceeds,
             }
@@ -159,7 +160,7 @@ def _drift_json(drift: Drift) -> JSON:
 def _series_json(one: WatchedSeries) -> JSON:
     return {
         **attributes(one, "camera", "product", "camera_key"),
-        **attributes(one.series, "parameter", "unit"),
+        **attributes(one.series, "parameter", "unit", "head"),
         "points": [
             {
                 **attributes(point, "calibration", "day", "value", "sigma", "state", "mounting"),

@@ -15,7 +15,6 @@ from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.documents.time_series.plot import COLOURS, LIMIT, reference_of, series_plot, time_scale
 from tasks.errors import InputError
 from tasks.files.installation import writing_into
-from tasks.quantities import quantity_words
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.series import ParameterSeries, series_of
 
@@ -105,9 +104,9 @@ def _values(series: Sequence[ParameterSeries]) -> Table:
             change, sigma = one.change(index) or (None, 1.0)
             rows.append(
                 Row(
-                    f"{one.parameter}:{point.calibration}",
+                    f"{one.parameter}{one.head and '@'}{one.head}:{point.calibration}",
                     (
-                        quantity_words(one.parameter) if index == 0 else "",
+                        one.words if index == 0 else "",
                         str(point.calibration),
                         str(point.day),
                         Number(point.value, decimals),

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale, tick_step
 from tasks.document_kit.table import Number, decimals_for
-from tasks.quantities import quantity_words, shown
+from tasks.quantities import shown
 from tasks.registry.series import ParameterSeries, SeriesPoint
 
 #: Half width of the band around an approved value, in its σ: left by chance once in a thousand times.
@@ -59,7 +59,7 @@ def series_plot(series: ParameterSeries, x: Scale) -> Markup:
     return markup.svg(
         axes.WIDTH,
         bottom + 26,
-        f"{quantity_words(series.parameter)} over the calibrations",
+        f"{series.words} over the calibrations",
         *_bands(series, x, place),
         axes.vertical_axis(scale, x.start, x.end, f"change {label}", about=5),
         _dates(x, bottom),

@@ -14,7 +14,7 @@ from tasks.registry.due import CameraDue, DueLimits, due_of
 from tasks.registry.registry import Registry
 from tasks.registry.watch import as_json, watch_of
 from tasks.settings.cameras import CameraIdentity
-from tests.tasks.registry.records import SIGMAS, VALUES, add, approve, changed, record
+from tests.tasks.registry.records import SIGMAS, VALUES, add, approve, changed, parameter, record
 
 SPRING, SUMMER, AUTUMN = date(2024, 3, 1), date(2024, 6, 1), date(2024, 9, 1)
 FLOWN = date(2024, 5, 2)  # of every record, unless it says otherwise
@@ -183,6 +183,29 @@ def test_the_plain_data_hold_every_series_with_the_limits_of_the_newest(registry
     assert before["exceeded"] is True
     assert before["upper"] - VALUES[0] - SIGMAS[0] == pytest.approx(limit)
     assert before["upper"] - before["lower"] == pytest.approx(2 * limit)
+
+
+def test_the_limits_of_a_head_are_its_own(registry: Registry) -> None:
+    """The heads look 30° to the left and right: the limits of one say nothing about the other."""
+    pitch, sigma = {"left": 30.0, "right": -30.0}, 0.001
+    camera = record().camera
+    for year in (2021, 2022):
+        rig = record(
+            flown=FLOWN.replace(year=year),
+            heads=tuple(camera.model_copy(update={"name": name}) for name in pitch),
+            parameters=tuple(
+                parameter("relative_rotation_pitch", "deg", value, sigma, name)
+                for name, value in pitch.items()
+            ),
+            covariance=((sigma**2, 0.0), (0.0, sigma**2)),
+        )
+        add(registry, rig)
+    plain = json.loads(json_text(as_json(watch_of(registry.contents(), SUMMER, DueLimits()))))
+    of_head = {one["head"]: one["bands"] for one in plain["series"]}
+    assert of_head.keys() == {"left", "right"}
+    for head, bands in of_head.items():
+        (band,) = bands
+        assert band["lower"] < pitch[head] < band["upper"]
 
 
 def test_nothing_due_is_said_in_one_sentence(registry: Registry) -> None:
