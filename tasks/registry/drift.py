@@ -148,7 +148,8 @@ def drifts_of(items: Sequence[StoredCalibration], limits: DriftLimits) -> tuple[
     ----------
     items : calibrations of one camera, oldest first (`by_day`). Those whose own calibration has refused them
         are used only if they were approved. At an approval with a reason (``--although``) of a calibration
-        that nothing else spoke against, the comparison begins again: that change is known.
+        that nothing else spoke against, the comparison begins again: that change is known. Computed twice
+        from one flight, a camera has two calibrations with the same errors: they are not compared.
 
     Returns
     -------
@@ -158,15 +159,24 @@ def drifts_of(items: Sequence[StoredCalibration], limits: DriftLimits) -> tuple[
     known = [item for item in items if item.approval is not None or item.record.verdict != "refused"]
     settled = [index for index, item in enumerate(known) if _is_settled(item)]
     known = known[settled[-1] :] if settled else known
-    if len(known) < 2:
+    if not known:
         return ()
-    newest, earlier = known[-1], known[:-1]
+    newest = known[-1]
+    earlier = [item for item in known[:-1] if not _of_one_flight(item, newest)]
+    if not earlier:
+        return ()
     same = [item for item in earlier if item.camera.mounting_key == newest.camera.mounting_key]
     before = (same or earlier)[-1]
     pairs: list[tuple[StoredCalibration, Against]] = [(before, "before")]
     if same and same[0] is not before:
         pairs.append((same[0], "first"))
     return tuple(drift_between(newest, old, against, limits) for old, against in pairs)
+
+
+def _of_one_flight(one: StoredCalibration, other: StoredCalibration) -> bool:
+    """Whether two calibrations were made from files of the same flight."""
+    files = set(one.record.inputs.values()) & set(other.record.inputs.values())
+    return one.flown is not None and one.flown == other.flown and bool(files)
 
 
 def drift_between(

@@ -155,6 +155,25 @@ def test_the_order_is_that_of_the_flights() -> None:
     assert (found.new.id, found.old.id) == (1, 2)
 
 
+def test_another_computation_of_the_same_flight_does_not_silence_its_drift() -> None:
+    """It shares all errors of the flight and agrees with it, whatever has happened to the camera."""
+    changed, files = moved(focal_length=9.0), {"points.txt": "a" * 64}
+    first, flight, again = (
+        stored(k, flown(year, values, identity=mounting, inputs=files if year else {}))
+        for k, year, values, mounting in (
+            (1, 0, VALUES, None),
+            (2, 1, changed, OTHER_MOUNTING),
+            (3, 1, changed + 0.1 * SIGMAS, OTHER_MOUNTING),
+        )
+    )
+    for items in ((first, flight), (first, flight, again)):
+        (found,) = drift(*items)
+        assert (found.old.id, found.has_drifted) == (1, True)
+    # Two flights of one day are two flights.
+    other = stored(4, flown(1, identity=OTHER_MOUNTING, inputs={"points.txt": "b" * 64}))
+    assert [(one.old.id, one.has_drifted) for one in drift(flight, other)] == [(2, True)]
+
+
 def test_a_change_that_was_explained_at_the_approval_is_no_drift_any_more() -> None:
     repaired = moved(focal_length=9.0)
     items = [
