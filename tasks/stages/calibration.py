@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from datetime import date
 from pathlib import Path
 from typing import Any, cast
@@ -103,7 +103,9 @@ def describe_calibration(
         crs=crs,
         flown=flown,
         counts=_counts(outputs),
-        inputs=_digests(inputs, given),
+        inputs=digests_of_files(
+            [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
+        ),
         software=software,
         sigma0=float(str(summary["sigma0"])),
         redundancy=redundancy,
@@ -175,10 +177,19 @@ def _counts(outputs: Mapping[str, Artifact]) -> Mapping[str, int]:
     }
 
 
-def _digests(inputs: Inputs, given: Mapping[str, CameraInput]) -> Mapping[str, str]:
-    """SHA-256 of every file that the calibration was made from."""
-    files = [*inputs.input_files(), *(path for camera in given.values() for path in camera.input_files())]
-    return {path.name: digest_of_file(path) for path in files}
+def digests_of_files(paths: Iterable[Path]) -> Mapping[str, str]:
+    """SHA-256 of files by name; files of the same name also have as many folders as tell them apart."""
+    files = list(dict.fromkeys(paths))
+    found = {}
+    for path in files:
+        others = [other for other in files if other != path and other.name == path.name]
+        parts = next(
+            parts
+            for parts in (path.parts[-depth:] for depth in range(1, len(path.parts) + 1))
+            if all(other.parts[-len(parts) :] != parts for other in others)
+        )
+        found["/".join(parts)] = digest_of_file(path)
+    return found
 
 
 def heads_of_rigs(cameras: pd.DataFrame, images: pd.DataFrame) -> frozenset[str]:
