@@ -219,7 +219,7 @@ def _observations(network: PlannedNetwork, block: Block, model: CalibrationModel
         )
     if network.distances is not None:
         others.append(_distances(network.object_point, network.distances))
-    if np.isfinite(exposures.position_sigma).any():
+    if network.has_positions:
         others.append(_positions(network, block, model))
     if exposures.attitude_observed.any():
         others.append(_attitudes(network, block, model))

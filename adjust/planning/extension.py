@@ -96,7 +96,7 @@ def _exposures(network: PlannedNetwork, strips: tuple[AddedStrip, ...]) -> Plann
         centre,
         axes @ ENU_FROM_NED @ level @ in_body,
         np.tile(np.sqrt(np.nanmean(given.position_sigma**2, axis=0)), (n, 1))
-        if np.isfinite(given.position_sigma).any()
+        if network.has_positions
         else np.full((n, 3), np.nan),
         axes,
         np.tile(covariance, (n, 1, 1)),

@@ -170,6 +170,11 @@ class PlannedNetwork:
         return tuple(self.cameras[k].name for k in np.flatnonzero(self.rig.joined_heads))
 
     @property
+    def has_positions(self) -> bool:
+        """Whether GNSS positions are observed."""
+        return bool(np.isfinite(self.exposures.position_sigma).any())
+
+    @property
     def body_from_camera(self) -> Floats:
         """Nominal mounting T of the camera of each exposure, (n, 3, 3)."""
         return np.stack([camera.body_from_camera for camera in self.cameras])[self.exposures.camera]

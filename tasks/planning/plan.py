@@ -173,7 +173,8 @@ def plan_calibration(
             names -= {"focal_length"}
         for addition in additions(network, request.limits.height_ratio):
             wider = extended(network, addition.strips, addition.control)
-            if addition.groups and pattern_reasons(names, _pattern(wider), request.limits):
+            turned = addition.groups and network.has_positions
+            if turned and pattern_reasons(names, _pattern(wider), request.limits):
                 continue  # directions or heights would still be missing, whatever the numbers are
             proposals.append(Proposal(addition, _expectation(wider, request)))
             if proposals[-1].expectation.accepted:
@@ -200,7 +201,14 @@ def _expectation(network: PlannedNetwork, request: PlanRequest) -> Expectation:
         parameters,
         correlations,
         verdicts,
-        flight_verdict(parameters, verdicts, pattern, request.limits, heads=network.joined_heads),
+        flight_verdict(
+            parameters,
+            verdicts,
+            pattern,
+            request.limits,
+            by_gnss=network.has_positions,
+            heads=network.joined_heads,
+        ),
     )
 
 

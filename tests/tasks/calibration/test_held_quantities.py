@@ -81,7 +81,8 @@ def test_the_covariance_is_the_formal_one_and_the_squares_of_what_is_held() -> N
 
 
 def test_what_is_held_is_listed_with_the_parameter_it_matters_to_most() -> None:
-    found = with_held(parameters(), correlations(), effects(), {"lever_arm_z": 0.01, "refraction": 0.05}, LIMIT)
+    sigmas = {"lever_arm_z": 0.01, "refraction": 0.05}
+    found = with_held(parameters(), correlations(), effects(), sigmas, LIMIT)
     arm, refraction = found.held
     assert (arm.quantity, arm.entity, arm.unit, arm.sigma) == ("lever_arm_z", "UCE", "m", 0.01)
     assert (arm.moves, arm.moves_entity) == ("gnss_shift_z", "1")
