@@ -11,7 +11,6 @@ those of the frame. Tangential t1, t2 are p2, p1.
 
 from __future__ import annotations
 
-from pathlib import PurePath
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -20,6 +19,7 @@ from adjust.arrays import Floats
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.camera_axes import camera_from_world, exact
 from tasks.handover.formats.numbers import ANGLES, METRES, fixed, table
+from tasks.handover.formats.short_names import stems
 from tasks.handover.lens import LensModel
 
 _HEAD = (
@@ -64,12 +64,12 @@ def write_realityscan(delivery: Delivery) -> Files:
     models = [delivery.lenses.models[k] for k in camera]
     angles = np.degrees(_heading_pitch_roll(_at_each_camera(delivery)))
     rotation, _ = camera_from_world(delivery)
-    rows, files = [], {}
+    rows, files, of_image = [], {}, stems(delivery.names)
     for k, (name, model) in enumerate(zip(delivery.names, models, strict=True)):
         f, u, v, lens = _camera(model)
         place = fixed(pose.centre[k], METRES)
         rows.append([name, *place, *fixed(angles[k], ANGLES), *map(exact, (f, u, v, *lens))])
-        files[f"{PurePath(name).stem}.xmp"] = _XMP.format(
+        files[f"{of_image[k]}.xmp"] = _XMP.format(
             f=exact(f),
             u=exact(u),
             v=exact(v),

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import PurePath
-
 from adjust.handover.rational import TERMS, RationalPolynomials
 from tasks.handover.delivery import Delivery, Files
+from tasks.handover.formats.short_names import stems
 
 
 def write_rpc(delivery: Delivery) -> Files:
     """One file for each image."""
-    names = delivery.names
+    names = stems(delivery.names)
     return {
-        f"{PurePath(name).stem}_RPC.TXT": rpc_text(one, float(misfit))
+        f"{name}_RPC.TXT": rpc_text(one, float(misfit))
         for name, one, misfit in zip(
             names, delivery.handed.polynomials, delivery.handed.misfit_px, strict=True
         )

@@ -2,9 +2,39 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
+from tasks.errors import InputError
 from tasks.handover.formats.numbers import table
+
+# Of a file of an image; numbers behind a point belong to the name.
+_ENDING = re.compile(r"(?<=.)\.[A-Za-z]\w{0,3}$")
+
+
+def stem(name: str) -> str:
+    """The name of an image without folder and without the ending of its file."""
+    return _ENDING.sub("", re.split(r"[\\/]", name)[-1])
+
+
+def stems(names: Sequence[str]) -> list[str]:
+    """The same of all images, for formats with a file for each.
+
+    Raises
+    ------
+    InputError
+        If two images would have the same file.
+    """
+    image_of: dict[str, str] = {}
+    for name in names:
+        other = image_of.setdefault(stem(name), name)
+        if other != name:
+            raise InputError(
+                f"Every image has a file of its own, which would be the same for '{other}' and '{name}'.",
+                "Write a format with one file for all images.",
+                entity=f"image {name}",
+            )
+    return list(image_of)
 
 
 def without_blanks(names: Sequence[str]) -> list[str]:

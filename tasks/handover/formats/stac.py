@@ -8,7 +8,6 @@ of the datum of the results. The time of an image is known as the day of the fli
 from __future__ import annotations
 
 import json
-from pathlib import PurePath
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from tasks.files.json_text import from_json
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.footprint import footprints
 from tasks.handover.formats.numbers import ANGLES, METRES, ROTATION, in_angles
+from tasks.handover.formats.short_names import stem
 
 _EXTENSION = "https://stac-extensions.github.io/perspective-imagery/v1.0.0/schema.json"
 _VERSION = "1.0.0"
@@ -61,7 +61,7 @@ def _item(delivery: Delivery, k: int, ring: Floats) -> dict[str, object]:
         "type": "Feature",
         "stac_version": _VERSION,
         "stac_extensions": [_EXTENSION],
-        "id": PurePath(name).stem,
+        "id": stem(name),
         "collection": delivery.results.name,
         "bbox": _box(ring),
         "geometry": {"type": "Polygon", "coordinates": [ring.tolist()]},

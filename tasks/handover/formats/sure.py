@@ -9,14 +9,13 @@ signs are not known.
 
 from __future__ import annotations
 
-from pathlib import PurePath
-
 import numpy as np
 
 from adjust.arrays import Floats
 from tasks.formats.plain_records import CV_AXES
 from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.camera_axes import exact
+from tasks.handover.formats.short_names import stems
 
 # The title of a section ends in the column 72.
 _WIDTH = 72
@@ -26,7 +25,7 @@ def write_sure(delivery: Delivery) -> Files:
     """One file for each image."""
     images, pose = delivery.results.images, delivery.handed.pose
     files = {}
-    for k, name in enumerate(delivery.names):
+    for k, (name, stem) in enumerate(zip(delivery.names, stems(delivery.names), strict=True)):
         frame = delivery.results.cameras[images.camera[k]].frame
         pixel = frame.pixel_size
         focal = float(pose.focal_length[k])
@@ -48,7 +47,7 @@ def write_sure(delivery: Delivery) -> Files:
             ("$ExtOri_TranslationVector", "(WorldCoordinateSystem)", _rows(pose.centre[k : k + 1])),
             ("$IntOri_Distortion_____(Model|ParameterCount|(Parameters))", "", ["NONE\t0"]),
         )
-        files[f"{PurePath(name).stem}.ori"] = "".join(_section(*section) for section in sections)
+        files[f"{stem}.ori"] = "".join(_section(*section) for section in sections)
     return files
 
 
