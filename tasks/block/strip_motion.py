@@ -13,6 +13,8 @@ from tasks.deliveries.declared_exposures import ONE_MOMENT_S
 from tasks.errors import InputError
 from tasks.settings.adjustment import AdjustmentSettings
 
+# No strip takes half a day: seconds of the day or week have begun anew, or a name is used on several days.
+_LONGEST_STRIP_S = 43_200.0
 # What has velocities needs neither strips nor times for a time offset.
 _OR_TRAJECTORY = {
     "gnss_strip_bias": "",
@@ -77,7 +79,8 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     InputError
         If a strip bias, drift, time offset or synchronisation offset is free without strips, or one of the
         others without times; if a correlation time is given without either, or with two exposures of a
-        strip at the same time. Offsets in time need neither where velocities were delivered.
+        strip at the same time; if a strip that they need lasts half a day. Offsets in time need neither
+        where velocities were delivered.
     """
     given = given.only(given.position_observed) if given.position_observed.any() else given
     require_successive_times(given, settings)
@@ -100,6 +103,24 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
                 f"Add a time column (seconds) to the exposures{_OR_TRAJECTORY[parameter]}, or remove it "
                 "from adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
+            )
+    for parameter, needs in (*biases, *drifts, *in_time):
+        if parameter in settings.free:
+            _require_one_day(needs, f"adjustment.free = {parameter}")
+
+
+def _require_one_day(given: GivenOrientations, entity: str) -> None:
+    """Refuse a strip with exposures half a day or more apart."""
+    for index in strips_in_time(given.strip_of_image, given.time_s):
+        first, last = index[0], index[-1]
+        apart = given.time_s[last] - given.time_s[first]
+        if apart >= _LONGEST_STRIP_S:
+            raise InputError(
+                f"The times of images {given.image[first]} and {given.image[last]} of strip "
+                f"{given.strip[first]} are {apart:,.0f} s apart: seconds of the day or week have begun anew, "
+                "or several flights use the name of the strip.",
+                "Add 86400 or 604800 to the times that begin anew, or add a flight column to the exposures.",
+                entity=entity,
             )
 
 
@@ -134,6 +155,7 @@ def require_successive_times(given: GivenOrientations, settings: AdjustmentSetti
             f"Add a time column (seconds) to the exposures, {remedy}",
             entity=entity,
         )
+    _require_one_day(given, entity)
     for index in strips_in_time(given.strip_of_image, given.time_s):
         again = np.flatnonzero(np.diff(given.time_s[index]) < ONE_MOMENT_S)
         if len(again):

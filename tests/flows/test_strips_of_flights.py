@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -103,3 +104,27 @@ def test_a_plan_counts_a_reading_of_two_heads_once_like_the_adjustment(tmp_path:
     expected = plan.expectation.parameters.set_index(keys)["sigma"]
     # Counted twice, the readings would make them 0.71 to 0.77 times as large.
     assert (expected / found.reindex(expected.index)).to_numpy() == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    "free", [FREE, 'adjustment.free=["ins_drift"]', "adjustment.gnss_correlation_s=60.0"]
+)
+def test_a_strip_over_the_end_of_a_week_is_refused_where_its_times_are_used(
+    tmp_path: Path, free: str
+) -> None:
+    file = flown(tmp_path, "unique") / "exposures.csv"
+    table = pd.read_csv(file, dtype={"flight": str})
+    own = table[table["strip"] == table["strip"].iloc[-1]]
+    table["time"] = (table["time"] - own["time"].iloc[1] + 0.5) % 604_800.0
+    table.to_csv(file, index=False)
+
+    def adjusted_with(change: str) -> RunOutcome:
+        return carry_out(
+            adjustment_alone, RunRequest(tmp_path / "project.toml", tmp_path / "results", (change,))
+        )
+
+    assert adjusted_with("adjustment.free=[]").error is None
+    error = adjusted_with(free).error
+    # Sorted by time, the exposure before the end of the week comes last.
+    assert re.search(r"of images (\w+)_002 and \1_001 of strip \1 are 604,7", str(error)), error
+    assert "604800" in str(error)
