@@ -66,7 +66,8 @@ def _of_axes() -> list[Slip]:
     return [
         Slip(
             "The image coordinates look mirrored (y down)",
-            "Image coordinates count y against the rows (up); change the sign of y, or declare unit px.",
+            "Image coordinates count y against the rows (up); change the sign of y, or declare unit px. Of "
+            "film images check the side from which fiducials_mm numbers the marks.",
             lambda g, r: (g, replace(r, xy=r.xy * np.array([1.0, -1.0])), "omega-phi-kappa", _SAME),
         ),
         Slip(
@@ -91,7 +92,8 @@ def _of_quarter_turns(given: GivenOrientations) -> list[Slip]:
         slips.append(
             Slip(
                 f"The images look rotated by {90 * quarter}° relative to the given angles",
-                "Check which way up the images were measured, κ, and mount_deg if headings are given.",
+                "Check which way up the images were measured, κ, and mount_deg if headings are given; of "
+                "film images where fiducials_mm begins to number the marks.",
                 lambda g, r, turn=turn: (g, r, "omega-phi-kappa", turn),  # type: ignore[misc]
                 f"turned by {90 * quarter}°",
             )

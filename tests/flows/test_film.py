@@ -96,6 +96,33 @@ def test_the_block_is_that_of_a_camera_without_film(results: Path) -> None:
     assert any("ppm smaller than the camera states" in text for text in summary["problems"])
 
 
+@pytest.mark.parametrize(
+    ("numbered", "hint"),
+    [
+        (np.diag([1.0, -1.0]), "the side from which fiducials_mm numbers the marks"),
+        (np.array([[0.0, -1.0], [1.0, 0.0]]), "where fiducials_mm begins to number the marks"),
+    ],
+)
+def test_marks_numbered_from_another_side_or_corner_fit_and_are_refused_all_the_same(
+    tmp_path: Path, numbered: Floats, hint: str
+) -> None:
+    def renumber(folder: Path) -> None:
+        """The square of the marks is the same, so their residuals say nothing."""
+        file = folder / "project.toml"
+        head, table = file.read_text().split("fiducials_mm]\n")
+        marks, rest = table.split("\n\n", 1)
+        numbers = [re.fullmatch(r"(\w+) = \[(.*), (.*)\]", line) for line in marks.splitlines()]
+        lines = []
+        for one in numbers:
+            assert one is not None
+            x, y = numbered @ np.array([float(one[2]), float(one[3])])
+            lines.append(f"{one[1]} = [{x}, {y}]")
+        file.write_text(head + "fiducials_mm]\n" + "\n".join(lines) + "\n\n" + rest)
+
+    with pytest.raises(RuntimeError, match=hint):
+        run(tmp_path, renumber)
+
+
 def test_uncorrected_scans_contradict_themselves(tmp_path: Path) -> None:
     """What the marks are for: without them shift and deformation of the scans remain.
 
