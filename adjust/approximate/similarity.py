@@ -16,6 +16,8 @@ _JUDGED = 6
 _TRIALS = 500
 # Points this many times the median distance off are left out of the final fit.
 _OFF = 5.0
+# Rotations that may be the one nearest to the others.
+_MIDDLES = 200
 # The second largest extent of points below this part of the largest: they lie on a line.
 _LINE = 0.02
 
@@ -93,8 +95,12 @@ def _triples(count: int) -> Ints:
 
 
 def mean_rotation(rotations: Floats) -> Floats:
-    """The mean (3, 3) of those rotations (k, 3, 3) that agree with the one nearest to the others."""
-    distance = np.linalg.norm(rotations[:, None] - rotations[None, :], axis=(2, 3))
+    """The mean (3, 3) of those rotations (k, 3, 3) that agree with the one nearest to the others.
+
+    Of many, some hundred evenly spread ones are looked at: all pairs of 10,000 would take 7 GB.
+    """
+    tried = rotations[:: -(-len(rotations) // _MIDDLES)]
+    distance = np.array([np.linalg.norm(one - rotations, axis=(1, 2)) for one in tried])
     middle = int(np.argmin(np.median(distance, axis=1)))
     near = distance[middle] <= max(3.0 * float(np.median(distance[middle])), 1e-6)
     u, _, v = np.linalg.svd(rotations[near].mean(axis=0))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -67,3 +69,15 @@ def test_the_mean_of_rotations_leaves_out_a_wrong_one() -> None:
     near = true @ rotation.exp(1e-3 * generator.normal(size=(20, 3)))
     near[3] = np.eye(3)
     assert mean_rotation(near) == pytest.approx(true, abs=1e-3)
+
+
+def test_the_mean_of_many_rotations_takes_no_more_memory_than_some_hundred_times_as_many() -> None:
+    """A third of 20,000 is turned anyhow; all pairs of them would take 29 GB."""
+    generator, true = np.random.default_rng(GENERATOR_SEED), movement().rotation
+    turns = generator.normal(size=(20_000, 3)) * np.where(np.arange(20_000) % 3, 1e-3, 1.0)[:, None]
+    tracemalloc.start()
+    found = mean_rotation(rotation.exp(turns) @ true)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found == pytest.approx(true, abs=1e-4)
+    assert peak < 100e6
