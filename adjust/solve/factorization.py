@@ -16,6 +16,7 @@ from adjust.arrays import Floats, Ints
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.helmert_blocking import HelmertFactor, factorize_blocks
 from adjust.solve.normal_equations import ReducedNormals
+from adjust.solve.null_space import null_space
 
 # Squared pivot of the scaled matrix: 1 − R² of an unknown with all before it. Below this its standard
 # deviation is 10⁵ times what it would be alone: rounding, not information.
@@ -98,19 +99,6 @@ class Factorization:
         )
 
 
-def dense_matrix(normals: ReducedNormals) -> Floats:
-    """The reduced normal matrix S in full, (6 n + g, 6 n + g), symmetric."""
-    n, g = normals.pattern.events, len(normals.rhs_border)
-    matrix = np.zeros((6 * n + g, 6 * n + g))
-    rows = 6 * normals.pattern.row[:, None, None] + np.arange(6)[:, None]
-    columns = 6 * normals.pattern.column[:, None, None] + np.arange(6)
-    matrix[rows, columns] = normals.blocks
-    matrix[: 6 * n, 6 * n :] = normals.border.reshape(6 * n, g)
-    matrix[6 * n :, 6 * n :] = normals.corner
-    upper = np.triu(matrix)
-    return upper + np.triu(upper, 1).T
-
-
 def factorize(normals: ReducedNormals, threads: int = 1) -> Factorization:
     """Factorise the reduced normal equations.
 
@@ -135,9 +123,9 @@ def factorize(normals: ReducedNormals, threads: int = 1) -> Factorization:
         if factor is not None and factor.smallest_pivot > _SINGULAR:
             return Factorization(normals, factor)
     scale = np.concatenate([scale_exposure.ravel(), scale_border])
-    scaled = dense_matrix(normals) * scale[:, None] * scale[None, :]
     natural = np.where(scale > 0.0, scale, 1.0)
-    raise SingularNormalsError(natural[:, None] * _null_space(scaled), natural)
+    null = null_space(normals, scale_exposure, scale_border, _SINGULAR * 100.0, threads)
+    raise SingularNormalsError(natural[:, None] * null, natural)
 
 
 def _scale(diagonal: Floats, unreduced: Floats) -> Floats:
@@ -147,10 +135,3 @@ def _scale(diagonal: Floats, unreduced: Floats) -> Floats:
     """
     usable = (diagonal > _SINGULAR * unreduced) & (diagonal > 0.0)
     return np.where(usable, 1.0 / np.sqrt(np.where(usable, diagonal, 1.0)), 0.0)
-
-
-def _null_space(scaled: Floats) -> Floats:
-    """Orthonormal basis of the undetermined directions; a zero row and column is one of them."""
-    values, vectors = np.linalg.eigh(scaled)
-    null: Floats = vectors[:, values < _SINGULAR * 100.0]
-    return null if null.shape[1] > 0 else vectors[:, :1]

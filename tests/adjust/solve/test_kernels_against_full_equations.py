@@ -22,11 +22,12 @@ from adjust.solve.design_matrix import (
     redundancy_numbers,
     schur_complement,
 )
-from adjust.solve.factorization import dense_matrix, factorize
+from adjust.solve.factorization import factorize
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.normal_equations import ReducedNormals, reduced_normals, substitute_back
 from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips, variants
+from tests.adjust.solve.dense_normals import dense_matrix
 
 # Of the natural scale of each element: the geometric mean of its two diagonal elements.
 RELATIVE = 1e-9

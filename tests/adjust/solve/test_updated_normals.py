@@ -10,12 +10,13 @@ import pytest
 from adjust.arrays import Bools
 from adjust.parameters import ADDITIONAL_PARAMETERS, INTERIOR_ORIENTATION
 from adjust.quality.cofactor import cofactor, of_other_rays
-from adjust.solve.factorization import dense_matrix, factorize
+from adjust.solve.factorization import factorize
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.normal_equations import ReducedNormals, reduced_normals
 from adjust.solve.system import Observations, System
 from adjust.solve.updated_normals import changed_points, updated_normals
 from tests.adjust.scenes import Scene, variants
+from tests.adjust.solve.dense_normals import dense_matrix
 
 VARIANTS = variants()
 
