@@ -94,7 +94,9 @@ def _restored(group: GroupResult, state: State) -> RestoredGroup:
     left = np.isfinite(group.redundancy)
     part = group.redundancy_sum / max(int(left.sum()), 1) if left.any() else 1.0
     squares = float(np.sum(model.whitened(misclosure) ** 2))
-    return RestoredGroup(group.group.name, squares, max(part, _LEAST_PART) * int(present.sum()))
+    return RestoredGroup(
+        group.group.name, squares, max(part, _LEAST_PART) * float(np.sum(present * model.shares))
+    )
 
 
 def _tested(group: GroupResult) -> ObservationGroup:

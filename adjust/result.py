@@ -14,6 +14,7 @@ from adjust.block import Block
 from adjust.joint_covariance import JointCovariance, joint_covariance
 from adjust.notebook.summary import one_line, page
 from adjust.observations.base import ObservationGroup
+from adjust.observations.image_point import ImagePoints
 from adjust.parameters import InnerConstraints, ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.control_checks import ControlCheck
@@ -113,8 +114,10 @@ class GroupResult:
 
     @property
     def sigma0(self) -> float:
-        """σ0 of the group, √(vᵀPv / r); NaN where it has no redundancy."""
-        total = self.redundancy_sum
+        """σ0 of the group, √(vᵀPv / r); NaN where it has no redundancy. Of a shared reading r counts once."""
+        # Of image points without the matrices of the general form, which would be large.
+        shares = 1.0 if isinstance(self.group, ImagePoints) else self.group.stochastic.shares
+        total = float(np.nansum(self.redundancy * shares))
         return float(np.sqrt(self.weighted_squares / total)) if total > 1e-6 else float("nan")
 
 

@@ -71,8 +71,8 @@ class Weighted:
     @property
     def weak(self) -> Bools:
         """(parts,) those whose redundancy is too small at the present weights."""
-        residuals = self.search.adjusted.residuals
-        weak = np.array([redundancy_of(residuals, part) < LEAST_REDUNDANCY for part in self.parts])
+        redundancy = _redundancy(self)
+        weak: Bools = redundancy < LEAST_REDUNDANCY
         return weak | self._without_intervals()
 
     def _without_intervals(self) -> Bools:
@@ -111,7 +111,8 @@ def estimate_weights(adjuster: Adjuster, search: Search, rule: SnoopingRule | No
     if rule is None:
         return _settled(adjuster, found)
     for _ in range(_MOST_ROUGH_ROUNDS):
-        step = found.moved(robust_factors(found.search.adjusted.residuals, parts))
+        adjusted = found.search.adjusted
+        step = found.moved(robust_factors(adjusted.observations, adjusted.residuals, parts))
         if np.all(np.abs(step - 1.0) < _ROUGHLY):
             break
         found = found.changed(adjuster, step)
@@ -132,9 +133,13 @@ def tolerances(found: Weighted) -> Floats:
 
     σ̂_g has a relative standard deviation of about 1/√(2r); of many thousand image points that is below 1 %.
     """
-    residuals = found.search.adjusted.residuals
-    redundancy = np.array([max(redundancy_of(residuals, part), 1.0) for part in found.parts])
-    return np.minimum(CONVERGED, 0.2 / np.sqrt(2.0 * redundancy))
+    return np.minimum(CONVERGED, 0.2 / np.sqrt(2.0 * np.maximum(_redundancy(found), 1.0)))
+
+
+def _redundancy(found: Weighted) -> Floats:
+    """(parts,) at the present weights."""
+    adjusted = found.search.adjusted
+    return np.array([redundancy_of(adjusted.observations, adjusted.residuals, one) for one in found.parts])
 
 
 def _settled(adjuster: Adjuster, found: Weighted) -> Weighted:

@@ -76,12 +76,15 @@ class StochasticModel:
     present : (n, m) which components were observed and are used.
     sigma : (n, m) a-priori standard deviations; NaN where never observed.
     over_time : how the errors are correlated over time; None: not at all.
+    share : (n,) part of an independent observation that each is, where several are one reading, with larger σ
+        for it; None: each is one.
     """
 
     whitener: Floats
     present: Bools
     sigma: Floats
     over_time: GaussMarkov | None = None
+    share: Floats | None = None
 
     @classmethod
     def from_sigma(cls, sigma: Floats) -> Self:
@@ -165,6 +168,11 @@ class StochasticModel:
         if self.whitener[:, ~np.eye(m, dtype=bool)].any():
             return None
         return np.ascontiguousarray(np.diagonal(self.whitener, axis1=1, axis2=2))
+
+    @property
+    def shares(self) -> Floats:
+        """(n, 1) part of an independent observation that each is."""
+        return (np.ones(len(self.sigma)) if self.share is None else self.share)[:, None]
 
     @property
     def taking_part(self) -> Bools:

@@ -119,7 +119,7 @@ def variance_factors(
     squares = [_component_squares(*item) for item in zip(observations.groups, residuals, strict=True)]
     factors = np.ones(len(parts))
     for k, part in enumerate(parts):
-        redundancy = redundancy_of(residuals, part)
+        redundancy = redundancy_of(observations, residuals, part)
         total = float(squares[part.group][part.place].sum())
         # Correlated components may share Ω so that a part of it is negative; it then says nothing.
         if redundancy > 0.0 and total > 0.0 and not part.is_correlation:
@@ -127,22 +127,28 @@ def variance_factors(
     return factors
 
 
-def robust_factors(residuals: tuple[GroupResiduals, ...], parts: tuple[Part, ...]) -> Floats:
+def robust_factors(
+    observations: Observations, residuals: tuple[GroupResiduals, ...], parts: tuple[Part, ...]
+) -> Floats:
     """Factors (parts,) from the medians of |w|, which half of the observations may spoil without harm."""
     factors = np.ones(len(parts))
     for k, part in enumerate(parts):
         if part.is_correlation:
             continue
         controlled = np.nan_to_num(residuals[part.group].control[part.place]) >= UNCONTROLLED
-        size = np.abs(residuals[part.group].standardized[part.place])[controlled]
+        alone = residuals[part.group].standardized / np.sqrt(
+            observations.groups[part.group].stochastic.shares
+        )
+        size = np.abs(alone[part.place])[controlled]
         if size.size and np.median(size) > 0.0:
             factors[k] = float(np.median(size)) / _MEDIAN
     return factors
 
 
-def redundancy_of(residuals: tuple[GroupResiduals, ...], part: Part) -> float:
-    """Sum of the redundancy numbers of a part."""
-    return float(np.nansum(residuals[part.group].redundancy[part.place]))
+def redundancy_of(observations: Observations, residuals: tuple[GroupResiduals, ...], part: Part) -> float:
+    """Sum of the redundancy numbers of a part, each as far as it is of an independent observation."""
+    own = residuals[part.group].redundancy * observations.groups[part.group].stochastic.shares
+    return float(np.nansum(own[part.place]))
 
 
 def _component_squares(group: ObservationGroup, residuals: GroupResiduals) -> Floats:
@@ -169,7 +175,7 @@ def variance_components(
     frozen : (parts,) which keep their stated standard deviations.
     confidence : of the intervals.
     """
-    redundancy = np.array([redundancy_of(residuals, part) for part in parts])
+    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
     free = ~frozen
     variance = np.full(len(parts), np.nan)
     estimated = [part for part, is_free in zip(parts, free, strict=True) if is_free]
@@ -231,7 +237,7 @@ def helmert_step(
     it is a step of Fisher's scoring for all of them, and moves the factors by up to e^½, too: σ and
     correlation time of a group must be able to move together.
     """
-    redundancy = np.array([redundancy_of(residuals, part) for part in parts])
+    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
     known = redundancy > 1.0
     steps = np.log(simplified)
     right = redundancy * steps
@@ -300,7 +306,7 @@ def trace_matrix(
                 )
                 found = operator.residuals(signs)
             for g, other in enumerate(parts):
-                one, its = with_signs[other.group], found[other.group]
+                one, its = with_signs[other.group] * _roots(groups[other.group]), found[other.group]
                 if other.is_correlation:
                     its = correlation_time.along_derivative(groups[other.group].stochastic, its)
                 traces[g, h] += float(np.sum(one[other.place] * its[other.place])) / probes
@@ -315,4 +321,11 @@ def _signs(
     vectors = tuple(np.zeros(group.stochastic.present.shape) for group in groups)
     present: Bools = groups[part.group].stochastic.present[part.place]
     vectors[part.group][part.place] = np.where(present, random.choice((-1.0, 1.0), present.shape), 0.0)
+    # Of a vector and what it is compared with, each has half of the roots of the shares.
+    vectors[part.group][:] *= np.sqrt(_roots(groups[part.group]))
     return vectors
+
+
+def _roots(group: ObservationGroup) -> Floats:
+    """(n, 1) roots of the shares."""
+    return np.asarray(np.sqrt(group.stochastic.shares))

@@ -6,7 +6,7 @@ The mathematics of a type is in `adjust.observations`; the adjustment takes the 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -58,8 +58,8 @@ class Observed:
 def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentSettings) -> GnssPositions:
     """GNSS positions of the images or events that have one, along grid axes; heads share a reading."""
     observed = np.flatnonzero(given.position_observed)
-    sigma = given.position_sigma * np.sqrt(heads_of_reading(given))[:, None]
-    model = StochasticModel.from_sigma(sigma[observed])
+    heads = heads_of_reading(given)[observed]
+    model = _shared(StochasticModel.from_sigma(given.position_sigma[observed]), heads)
     return GnssPositions(
         observed.astype(np.int64),
         given.camera[observed],
@@ -75,8 +75,9 @@ def gnss_positions(block: Block, given: GivenOrientations, settings: AdjustmentS
 def ins_attitudes(given: GivenOrientations, settings: AdjustmentSettings) -> InsAttitudes:
     """INS attitudes of the images or events that have one, weighted in body axes; heads share a reading."""
     observed = np.flatnonzero(given.attitude_observed)
-    covariance = given.attitude_covariance() * heads_of_reading(given)[:, None, None]
-    model = StochasticModel.from_covariance(covariance[observed], np.ones((len(observed), 3), dtype=bool))
+    covariance, heads = given.attitude_covariance()[observed], heads_of_reading(given)[observed]
+    model = StochasticModel.from_covariance(covariance, np.ones((len(observed), 3), dtype=bool))
+    model = _shared(model, heads)
     return InsAttitudes(
         observed.astype(np.int64),
         given.camera[observed],
@@ -86,6 +87,13 @@ def ins_attitudes(given: GivenOrientations, settings: AdjustmentSettings) -> Ins
         _body_rates(given, observed),
         strip_motion(given).of(observed),
     )
+
+
+def _shared(model: StochasticModel, heads: Ints) -> StochasticModel:
+    """Weights with which readings of several heads (n,) count once: with larger σ, each a part of one."""
+    if (heads == 1).all():
+        return model
+    return replace(model.rescaled(np.sqrt(heads)[:, None]), share=1.0 / heads)
 
 
 def _body_rates(given: GivenOrientations, rows: Ints) -> BodyRates | None:

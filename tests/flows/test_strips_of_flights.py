@@ -89,6 +89,23 @@ def test_heads_that_expose_at_one_moment_have_one_velocity_and_one_reading(tmp_p
     (first, second) = parameters[parameters["parameter"] == "time_offset"].itertuples()
     assert first.value == pytest.approx(0.004, abs=3.5 * first.sigma)
     assert second.value == pytest.approx(0.004, abs=3.5 * second.sigma)
+    sigma0 = {one["group"]: one["sigma0"] for one in outcome.summary.groups}
+    # Of readings counted twice they would be near 0.75.
+    assert [sigma0["gnss_positions"], sigma0["ins_attitudes"]] == pytest.approx([1.0, 1.0], abs=0.15)
+
+
+def test_variance_components_do_not_undo_that_heads_share_a_reading(tmp_path: Path) -> None:
+    folder = flown(tmp_path, "numbered")
+    add_second_head(folder, later_us=20)
+    changes = (FREE, "adjustment.variance_components=true")
+    outcome = carry_out(adjustment_alone, RunRequest(folder / "project.toml", folder / "results", changes))
+    assert outcome.error is None, outcome.error
+    table = dict(outcome.summary.to_json())["variance_components"]["components"]
+    found = {row["part"]: row["factor"] for row in table if row["estimated"]}
+    readings = [found[part] for part in found if part.startswith(("gnss_positions", "ins_attitudes"))]
+    assert len(readings) == 4, found
+    # Factors near √½ would make each reading count twice.
+    assert readings == pytest.approx([1.0] * 4, abs=0.2), found
 
 
 def test_a_plan_counts_a_reading_of_two_heads_once_like_the_adjustment(tmp_path: Path) -> None:

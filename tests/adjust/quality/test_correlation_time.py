@@ -160,7 +160,7 @@ def test_shared_information_is_that_of_the_full_matrices() -> None:
     products = [remainder @ matrix[np.ix_(kept, kept)] for matrix in derivatives]
     exact = np.array([[np.sum(one * other.T) for other in products] for one in products])
     residuals = group_residuals(system, solution.state, cofactor(system, solution))
-    redundancy = np.array([redundancy_of(residuals, part) for part in parts])
+    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
     # Strips are sorted in time here, so our whitened rows are those of Cholesky's factor.
     probed = trace_matrix(system, solution, parts, redundancy)
     size = np.sqrt(np.outer(np.diagonal(exact), np.diagonal(exact)))

@@ -299,7 +299,7 @@ def test_probed_traces_are_those_of_the_full_equations(dense: Callable[..., Any]
     parts = parts_of(system.observations)
     exact = np.array([[np.sum(remainder[np.ix_(g, h)] ** 2) for h in rows] for g in rows])
     residuals = group_residuals(system, solution.state, cofactor(system, solution))
-    redundancy = np.array([redundancy_of(residuals, part) for part in parts])
+    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
     probed = trace_matrix(system, solution, parts, np.maximum(redundancy, 1.0))
     size = np.sqrt(np.outer(np.diagonal(exact), np.diagonal(exact)))
     assert np.abs((probed - exact) / size).max() < 0.1
@@ -307,6 +307,31 @@ def test_probed_traces_are_those_of_the_full_equations(dense: Callable[..., Any]
     # all factors are one. Only correlated control shares its rows between plan and height.
     apart = [k for k, part in enumerate(parts) if not part.name.startswith("control_points")]
     np.testing.assert_allclose(exact.sum(axis=1)[apart], redundancy[apart], rtol=1e-5)
+
+
+def test_probed_traces_count_shared_readings_by_their_shares(dense: Callable[..., Any]) -> None:
+    system, solution, remainder, rows = dense()
+    gnss = next(group for group in system.observations.others if isinstance(group, GnssPositions))
+    shares = np.where(np.arange(len(gnss.event)) % 3 == 0, 1.0, 0.5)
+    shared = replace(gnss, stochastic=replace(gnss.stochastic, share=shares))
+    others = tuple(shared if group is gnss else group for group in system.observations.others)
+    system = System.of(system.block, replace(system.observations, others=others))
+    parts = parts_of(system.observations)
+    every = [
+        np.broadcast_to(g.stochastic.shares, g.stochastic.present.shape) for g in system.observations.groups
+    ]
+    of_row = np.concatenate([one.ravel() for one in every])
+    residuals = group_residuals(system, solution.state, cofactor(system, solution))
+    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
+    alone = [k for k, part in enumerate(parts) if not part.name.startswith("control_points")]
+    own = np.array([np.sum((of_row * np.diagonal(remainder))[part]) for part in rows])
+    np.testing.assert_allclose(redundancy[alone], own[alone], rtol=1e-5)
+    root = np.sqrt(of_row)
+    weighted = remainder**2 * np.outer(root, root)
+    exact = np.array([[np.sum(weighted[np.ix_(g, h)]) for h in rows] for g in rows])
+    probed = trace_matrix(system, solution, parts, np.maximum(redundancy, 1.0))
+    size = np.sqrt(np.outer(np.diagonal(exact), np.diagonal(exact)))
+    assert np.abs((probed - exact) / size).max() < 0.1
 
 
 def test_the_fixed_point_is_that_of_helmerts_rigorous_estimate(dense: Callable[..., Any]) -> None:
