@@ -99,7 +99,7 @@ def excerpt(printed: str) -> str:
     text = "\n".join(line.rstrip() for line in printed.splitlines())
     text = re.sub(r".*?^(?=[\d,]+ images, )", "", text, count=1, flags=re.DOTALL | re.MULTILINE)
     text = re.sub(r"^unknowns.*?(?=^The flight is )", "", text, flags=re.DOTALL | re.MULTILINE)
-    text = re.sub(r"^Control points of the calibration.*?\n\n", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"^Control points \(not independent\).*?\n\n", "", text, flags=re.DOTALL | re.MULTILINE)
     text = re.sub(r"^(?:  from \(|  to \(|mean  |RMS in GSD).*\n", "", text, flags=re.MULTILINE)
     text = re.sub(
         r"(^largest  [^\n]*\n).*?(?=^The result )", r"\1\n…\n\n", text, flags=re.DOTALL | re.MULTILINE

@@ -27,7 +27,7 @@ _ROWS = (
 _SETS = (
     ("", "Independent check points, all rays [m]"),
     ("in_models", "Independent check points, two rays of a model [m]"),
-    ("at_control_of_calibration", "Control points of the calibration (not independent) [m]"),
+    ("at_control_of_calibration", "Control points (not independent) [m]"),
 )
 
 

@@ -139,12 +139,21 @@ def coverage_remarks(
         )
 
 
-def point_remarks(independent: int, control: int) -> Iterator[str]:
-    """Remarks on the points that the accuracy is derived from."""
-    if control:
+def point_remarks(independent: int, control: int, *, is_known: bool) -> Iterator[str]:
+    """Remarks on the points that the accuracy is derived from.
+
+    Parameters
+    ----------
+    is_known : whether it is known which points the calibration has used; else all control counts as such.
+    """
+    points, were = ("points", "were") if control > 1 else ("point", "was")
+    separately = "The differences there are reported separately and are no evidence of accuracy."
+    if control and is_known:
+        yield f"{control} surveyed {points} {were} control of the calibration. {separately}"
+    elif control:
         yield (
-            f"{control} surveyed point{'s were' if control > 1 else ' was'} control of the calibration. "
-            "The differences there are reported separately and are no evidence of accuracy."
+            f"It is not known whether the given camera values were determined with the {control} control "
+            f"{points}. {separately} If they were not, declare check points (inputs.control.check_points)."
         )
     if independent == 0:
         yield "There is no independent check point: the accuracy of direct georeferencing was not tested."

@@ -162,7 +162,7 @@ def _remarks(comparison: Comparison, calibration: Calibration, figures: dict[str
     return (
         *difference_remarks(figures, "independent check points"),
         *parallax_remarks(figures),
-        *point_remarks(int(chosen.sum()), int((~chosen).sum())),
+        *point_remarks(int(chosen.sum()), int((~chosen).sum()), is_known=not calibration.is_empty),
         *calibration_remarks(comparison.oriented, calibration),
         *coverage_remarks(comparison.oriented, comparison.not_intersected, has_models=has_models),
     )

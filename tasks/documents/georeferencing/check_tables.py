@@ -60,7 +60,7 @@ def difference_tables(material: CheckMaterial) -> tuple[Table, ...]:
         ),
         _difference_table(
             "control",
-            "Control points of the calibration (not independent)",
+            "Control points (not independent)",
             figures.at_control_of_calibration,
         ),
     )

@@ -33,7 +33,7 @@ def test_readme_leaves_out_what_it_replaces_by_an_ellipsis() -> None:
     lines = (
         "Wrote results/demo", "", "456 images, 84 control points", "parameter true", "", "unknowns  RMS",
         "", "The flight is accepted.", "", "RMS  10.1", "mean  0.0", "",
-        "Control points of the calibration", "RMS  9.1", "", "largest  40.4   40.8", "",
+        "Control points (not independent) [m]", "RMS  9.1", "", "largest  40.4   40.8", "",
         "published  0.029", "", "The result agrees", "Certificate: page", "", "real 2m",
     )  # fmt: skip
     assert excerpt("\n".join(lines)).split("\n") == [
