@@ -103,13 +103,18 @@ class NoiseLevels:
 def noise_levels(tiles: TileNoise) -> NoiseLevels:
     """Noise in classes of grey levels with equal numbers of tiles, from the most homogeneous tenth of each.
 
+    Tiles of the same level, such as those of an area of one colour, are in the same class.
+
     Tiles are chosen by the differences of their quarters, which hardly share noise with the mask: choosing
     the ones of least noise would make it too small.
     """
     order = np.argsort(tiles.level, kind="stable")
     classes = int(np.clip(len(order) // _IN_CLASS, 1, _CLASSES)) if len(order) else 0
+    sizes = [len(part) for part in np.array_split(order, classes)] if classes else []
+    level = tiles.level[order]
+    label = np.repeat(np.arange(classes), sizes)[np.searchsorted(level, level)]
     rows = []
-    for members in np.array_split(order, classes) if classes else []:
+    for members in (order[label == number] for number in np.unique(label)):
         number = max(len(members) // _TENTH, min(len(members), _FEWEST))
         quiet = members[np.argsort(tiles.activity[members], kind="stable")[:number]]
         noise = float(np.median(tiles.noise[quiet]))

@@ -230,6 +230,16 @@ def test_an_image_without_edges_says_so(results: Path, tmp_path: Path) -> None:
     assert "Gate largest_factor: none" in limited.stdout
 
 
+def test_an_image_without_noise_has_no_ratio_to_it(results: Path, tmp_path: Path) -> None:
+    """A drawn image, or one filled with a colour: its noise is 0, and level / noise is no number."""
+    image = changed_image(results, tmp_path / "drawn.tif", lambda pixels: np.full_like(pixels, 100))
+    outcome = aerocal("image-quality", image)
+    assert outcome.returncode == 0, outcome.stderr
+    levels = pd.read_parquet(tmp_path / "image-quality" / "noise_levels.parquet")
+    assert levels["noise"].tolist() == [0.0, 0.0]
+    assert levels["signal_to_noise"].isna().all()
+
+
 def test_a_float_image_with_holes_gives_the_same_factor(results: Path, tmp_path: Path) -> None:
     def with_holes(pixels: NDArray[Any]) -> NDArray[Any]:
         values = pixels.astype(np.float32)

@@ -172,7 +172,7 @@ NOISE_LEVELS = TableSchema(
         number("level", "", "mean grey value"),
         number("noise", "", "standard deviation of the noise, grey values"),
         number("sigma_noise", "", "standard deviation of noise"),
-        number("signal_to_noise", "", "level / noise"),
+        number("signal_to_noise", "", "level / noise; null without noise", nullable=True),
         count("tiles", "number of homogeneous areas of 16 × 16 pixels"),
     ),
     ("image", "band", "level"),
