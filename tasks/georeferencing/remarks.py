@@ -87,7 +87,13 @@ def calibration_remarks(oriented: DirectlyOriented, calibration: Calibration) ->
             "prediction assumes that they are free of error."
         )
         return
-    yield _of_which_flight(oriented.from_calibration)
+    if calibration.sigmas:
+        yield _of_which_flight(oriented.from_calibration)
+    else:
+        yield (
+            "The calibration has estimated no parameter. Its values have no σ, so the prediction assumes "
+            "that they are free of error."
+        )
     cameras = set(oriented.given.mountings.names)
     for (parameter, entity), status in calibration.statuses.items():
         if status in _POOR and (entity in cameras or entity in oriented.flights.values()):

@@ -253,6 +253,13 @@ def test_the_values_of_the_cameras_are_a_calibration_without_sigmas(
     assert figures["predicted_parts_m"]["calibration"] == [0.0, 0.0, 0.0]
 
 
+def test_an_own_adjustment_that_estimated_nothing_is_not_of_unknown_exposures(other_flight: Path) -> None:
+    overrides = ("direct_georeferencing.calibration=adjustment", "adjustment.free=[]")
+    said = checked(other_flight, other_flight.parent / "held", *overrides).summary["problems"]
+    assert any("has estimated no parameter" in sentence for sentence in said)
+    assert not any("are not known" in sentence for sentence in said)
+
+
 def test_the_page_shows_the_figures_of_the_tables(check: Checked) -> None:
     page, found = check.page, check.figures
     for key in ("rmse_m", "predicted_rmse_m", "mean_m", "max_m", "rmse_gsd"):
