@@ -19,7 +19,7 @@ from pydantic_core import ErrorDetails
 
 from tasks.errors import InputError, Location
 from tasks.files.delivered_file import is_there, read_delivered
-from tasks.nearest_name import did_you_mean
+from tasks.nearest_name import did_you_mean, nearest
 from tasks.plain_text import quoted, trouble_in_tables, visible
 from tasks.settings.base import PathContext, Settings, meaning_of
 from tasks.settings.declare import refuse_open_values
@@ -320,12 +320,11 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
         what = f"The value {_shown(error['input'])} is not a table."
         known = list(cast(type[Settings], _model_at(error["loc"], source.kind)).model_fields)
         remedy = f"Write {{ KEY = VALUE }} with keys of: {', '.join(known)}."
-    elif error["type"] == "literal_error" and (known := re.findall("'([^']+)'", error["ctx"]["expected"])):
-        what = f"The value {_shown(error['input'])} is not allowed here."
-        remedy = did_you_mean(str(error["input"]), known)
     else:
         what = f"The value {_shown(error['input'])} is not allowed here: {error['msg']}."
-        remedy = _page_of(source)
+        words = re.findall("'([^']+)'", error["ctx"]["expected"]) if error["type"] == "literal_error" else []
+        meant = nearest(str(error["input"]), words)
+        remedy = f"Did you mean '{meant}'?" if meant else _page_of(source)
     texts = tuple(map(str, keys))
     said = next((text for given, text in source.said.items() if texts[: len(given)] == given), None)
     if said is not None:
