@@ -16,7 +16,7 @@ from adjust.camera.interior import FrameCamera, PixelOrigin
 from adjust.geometry import rotation
 from tasks.deliveries.film_reports import film_camera
 from tasks.deliveries.head_certificates import USES, certificate_of, stated_covariance
-from tasks.errors import Location
+from tasks.errors import InputError, Location
 from tasks.formats.records import CameraRecord, PixelCamera
 from tasks.formats.register import read_cameras
 from tasks.nearest_name import did_you_mean
@@ -144,7 +144,10 @@ def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:
 
 def _row(name: str, cameras: Mapping[str, CameraInput]) -> dict[str, str | int | float | None]:
     camera = cameras[name]
-    record, mounting = camera_record(camera), _mounting(name, cameras)
+    try:
+        record, mounting = camera_record(camera), _mounting(name, cameras)
+    except InputError as error:
+        raise replace(error, entity=error.entity or f"cameras.{name}") from error
     row: dict[str, str | int | float | None] = {
         "camera": name,
         "columns": record.columns,

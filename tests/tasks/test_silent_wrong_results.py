@@ -105,8 +105,9 @@ def test_one_image_point_determines_nothing(delivery):
     ],
 )
 def test_a_pixel_in_another_unit_makes_no_camera(delivery, override, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=words) as refused:
         delivery.exposures(override)
+    assert refused.value.entity == "cameras.CAM"
 
 
 @pytest.mark.parametrize(

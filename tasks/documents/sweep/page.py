@@ -170,7 +170,7 @@ def _sentence(results: SweepResults) -> str:
     names = {"block": "sub-block", "control": "choice of control points", "variant": "variant"}
     varied = ", ".join(_counted(table[column].nunique(), words) for column, words in names.items())
     computed = "all were computed" if not failed else f"{failed} could not be computed"
-    return f"{len(table)} scenarios ({varied}); {computed}."
+    return f"{_counted(len(table), 'scenario')} ({varied}); {computed}."
 
 
 def _counted(number: int, words: str) -> str:
