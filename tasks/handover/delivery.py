@@ -100,6 +100,7 @@ class DeliveryFormat:
     straight : whether they are freed of refraction, too, and count from the format centre.
     grid : whether it takes distortion grids.
     oriented : whether it has orientations or points, and so a world.
+    on_wgs84 : whether its local frame is one of WGS 84, whatever the datum of the project.
     rigs : what it has of rigs: nothing, all events, or those with an image of the reference head.
     """
 
@@ -115,6 +116,7 @@ class DeliveryFormat:
     straight: bool = False
     grid: bool = False
     oriented: bool = True
+    on_wgs84: bool = False
     rigs: Literal["none", "all", "with-reference"] = "none"
 
     @property

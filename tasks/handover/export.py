@@ -17,6 +17,7 @@ from tasks.handover.distortion_grid import distortion_grids
 from tasks.handover.formats.eo_csv import write_eo_csv
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.lens import Lenses, lens_models
+from tasks.handover.on_wgs84 import block_on_wgs84
 from tasks.handover.receiver import REFUSED_PX, HandedOver, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
@@ -135,6 +136,8 @@ def write_block(block: Results, points: Callable[[], BlockPoints], wanted: Wante
         delivery = replace(delivery, grids=tuple(distortion_grids(camera) for camera in block.cameras))
     if form.points:
         delivery = replace(delivery, points=points())
+    if form.on_wgs84:
+        delivery = block_on_wgs84(delivery)
     files = dict(form.write(delivery))
     if delivery.handed.refitted:
         files["eo_rigorous.csv"] = _rigorous(block)

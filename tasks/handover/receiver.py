@@ -11,7 +11,7 @@ wrong by decimetres for another.
   focal length and one radial term for each camera, are refitted to its model.
 * ``map-cartesian-curved``: the same, and it corrects the curvature of the earth itself.
 * ``rpc``: it takes rational polynomials in place of a camera, from latitude, longitude and ellipsoidal
-  height.
+  height of WGS 84.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from adjust.arrays import Floats
 from adjust.handover.cartesian_map import EARTH_RADIUS_M, CartesianMap, Pose, on_ground
 from adjust.handover.rational import RationalPolynomials, fit_rational_polynomials
 from adjust.handover.refit import Freed, refit
+from tasks.coordinates.wgs84 import geodetic_on_wgs84
 from tasks.errors import InputError
 from tasks.handover.results import Results
 from tasks.settings.deliver import World
@@ -121,7 +122,7 @@ def _polynomials(results: Results) -> HandedOver:
         seen = one.ground(
             np.tile(camera.ideal(at), (len(heights), 1))[None], np.repeat(heights, len(at))[None]
         )
-        geodetic = images.map_frame.to_geodetic(seen[0])
+        geodetic = geodetic_on_wgs84(images.map_frame, seen[0])
         geodetic[:, :2] = np.rad2deg(geodetic[:, :2])
         pixel = replace(camera.frame, pixel_origin="centre").pixel_from_image(at)[:, ::-1]
         pixel = np.tile(pixel, (len(heights), 1))

@@ -75,7 +75,7 @@ def _about_world(delivery: Delivery, form: DeliveryFormat) -> list[str]:
 def _coordinates(delivery: Delivery) -> str:
     images, world = delivery.results.images, delivery.handed.world
     if world == "rpc":
-        return f"Coordinates: latitude and longitude of the datum of {images.map_frame.description}."
+        return f"Coordinates: latitude and longitude of WGS 84; project: {images.map_frame.description}."
     if world == "local" and isinstance(images.frame, TopocentricFrame):
         latitude, longitude = np.rad2deg([images.frame.latitude, images.frame.longitude])
         return (

@@ -33,6 +33,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             "1e-6 m, 1e-15 of a rotation, 1e-4 px",
             lens=LENS,
             points=True,
+            on_wgs84=True,
         ),
         DeliveryFormat(
             "colmap",
@@ -51,6 +52,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             "17 digits; image points 1e-9 of the longer side",
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
             points=True,
+            on_wgs84=True,
             rigs="all",
         ),
         DeliveryFormat(

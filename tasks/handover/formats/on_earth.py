@@ -1,4 +1,4 @@
-"""A block in longitude, latitude and height: GeoJSON, and KMZ for globes."""
+"""A block in longitude, latitude and height of WGS 84: GeoJSON, and KMZ for globes."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from adjust.arrays import Floats
+from tasks.coordinates.wgs84 import geodetic_on_wgs84
 from tasks.errors import InputError
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.footprint import footprints
@@ -89,7 +90,7 @@ def _shapes(delivery: Delivery) -> list[_Shape]:
         )
 
     def on_earth(in_map: Floats) -> Floats:
-        geodetic = images.map_frame.to_geodetic(in_map)
+        geodetic = geodetic_on_wgs84(images.map_frame, in_map)
         return np.column_stack([np.rad2deg(geodetic[:, 1::-1]), geodetic[:, 2]])
 
     pose = delivery.handed.pose

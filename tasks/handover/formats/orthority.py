@@ -11,6 +11,7 @@ import json
 
 import numpy as np
 
+from tasks.coordinates.wgs84 import geodetic_on_wgs84
 from tasks.errors import InputError
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.formats.camera_axes import exact
@@ -28,7 +29,7 @@ def write_orthority(delivery: Delivery) -> Files:
             entity="project.crs",
         )
     angles = in_angles(pose.map_from_camera, Angles("omega-phi-kappa", "rad"))
-    places = np.rad2deg(images.map_frame.to_geodetic(images.map_pose.centre)[:, :2])
+    places = np.rad2deg(geodetic_on_wgs84(images.map_frame, images.map_pose.centre)[:, :2])
     features = [
         {
             "type": "Feature",

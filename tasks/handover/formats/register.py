@@ -66,6 +66,7 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             "15 digits; image points 1e-4 px",
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
             points=True,
+            on_wgs84=True,
             rigs="with-reference",
         ),
         DeliveryFormat(

@@ -2,7 +2,7 @@
 
 Positions and angles are the true ones in the map. The matrix is image from object, row by row, as in the published example. The
 format has the distortion of no convention that is published, so none is written. Footprints are longitude and latitude
-of the datum of the results. The time of an image is known as the day of the flight.
+of WGS 84. The time of an image is known as the day of the flight.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import json
 import numpy as np
 
 from adjust.arrays import Floats
+from tasks.coordinates.wgs84 import geodetic_on_wgs84
 from tasks.errors import InputError
 from tasks.files.json_text import from_json
 from tasks.handover.delivery import Angles, Delivery, Files
@@ -39,9 +40,8 @@ def write_stac(delivery: Delivery) -> Files:
             "Write another format for such images.",
             entity=f"image {delivery.names[int(np.argmin(below))]}",
         )
-    rings = (
-        np.rad2deg(place.to_geodetic(corners.reshape(-1, 3))[:, 1::-1]).reshape(len(below), -1, 2).round(9)
-    )
+    geodetic = geodetic_on_wgs84(place, corners.reshape(-1, 3))
+    rings = np.rad2deg(geodetic[:, 1::-1]).reshape(len(below), -1, 2).round(9)
     items = [f"item_{k}.json" for k in range(1, len(rings) + 1)]
     files = {
         name: json.dumps(_item(delivery, k, rings[k]), indent=1, ensure_ascii=False) + "\n"

@@ -21,6 +21,7 @@ from tasks.handover.distortion_grid import distortion_grids
 from tasks.handover.export import lenses_of
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.lens import Lenses
+from tasks.handover.on_wgs84 import block_on_wgs84
 from tasks.handover.receiver import Freed, World, hand_over
 from tasks.handover.results import CalibratedCamera, Results
 from tasks.handover.rig_heads import RigHeads
@@ -38,7 +39,7 @@ class Flight:
     """A case: height above ground, tilt, refraction, correction polynomials (else a forward distortion).
 
     `binned` pixels of the camera are one, so that an image of it can be made. `rig`: the second camera is
-    a head beside the first one, and two images each are of one event.
+    a head beside the first one, and two images each are of one event. `crs`: of the project.
     """
 
     above: float = 1000.0
@@ -48,6 +49,7 @@ class Flight:
     longitude_deg: float = 9.3
     binned: int = 1
     rig: bool = False
+    crs: str = "EPSG:25832"
 
 
 #: The head of a rig against its reference head: image axes of both, metres.
@@ -59,10 +61,11 @@ BESIDE = np.array([0.2, -0.1, 0.05])
 def flown(case: Flight) -> tuple[Results, BlockPoints]:
     """The block; each object point is seen in one image, where it was measured. Tests share it."""
     latitude, longitude = np.deg2rad([48.0, case.longitude_deg])
-    frame = TopocentricFrame(UTM.ellipsoid, float(latitude), float(longitude))
-    east = UTM.from_geodetic(np.array([[latitude, longitude, GROUND + case.above]]))
+    place = MapFrame.of(case.crs, Heights.model_validate("ellipsoidal"))
+    frame = TopocentricFrame(place.ellipsoid, float(latitude), float(longitude))
+    east = place.from_geodetic(np.array([[latitude, longitude, GROUND + case.above]]))
     steps = np.arange(len(NAMES))[:, None] * 0.3 * case.above
-    centre = local_from_map(UTM, frame, east + steps * [1.0, 0.2, 0.0])
+    centre = local_from_map(place, frame, east + steps * [1.0, 0.2, 0.0])
     # An oblique camera looks to the same side of its image in every image.
     turn = about_z(np.array([0.0, np.pi, 1.2, -0.4])) @ about_x(np.deg2rad(case.tilt_deg))
     cameras = tuple(camera(name, case) for name in ("UC A", "B"))
@@ -72,7 +75,7 @@ def flown(case: Flight) -> tuple[Results, BlockPoints]:
         turn[1::2], centre[1::2] = turn[::2] @ HEAD, centre[::2] + turn[::2] @ BESIDE
         heads = RigHeads(np.array([0, 0]), np.array([0, 0, 1, 1]))
     images = OrientedImages(
-        NAMES, np.array([0, 1, 0, 1]), UTM, frame, centre, turn,
+        NAMES, np.array([0, 1, 0, 1]), place, frame, centre, turn,
         np.array([item.frame.focal_length for item in cameras]),
         np.array([item.frame.half_format for item in cameras]),
         np.array([item.frame.pixel_size for item in cameras]), case.refracted,
@@ -150,7 +153,8 @@ def delivered(results: Results, points: BlockPoints, name: str) -> Delivery:
     handed = _handed_over(results, form.world, form.freed)
     lenses = _lenses(results, form.world, form.freed, form.lens) if form.lens else Lenses((), np.zeros(0))
     grids = tuple(map(_grids, results.cameras)) if form.grid else ()
-    return Delivery(results, handed, lenses=lenses, points=points, grids=grids)
+    delivery = Delivery(results, handed, lenses=lenses, points=points, grids=grids)
+    return block_on_wgs84(delivery) if form.on_wgs84 else delivery
 
 
 # What many formats have in common; a block or a camera is the same only if it is the same object.
