@@ -1,8 +1,8 @@
 """OpenSfM and OpenDroneMap: ``reconstruction.json`` (world east, north, up of its reference) and ``tracks.csv``.
 
 Cameras are ``brown``; lengths in the image are parts of its longer side, from its middle. Tracks go by the names of the points.
-A block on the earth has OpenDroneMap's ``gcp_list.txt``, with complete surveyed points (check points as ``CHK-NAME``), and ``geo.txt``, the
-positions of its images; both in longitude, latitude and ellipsoidal height. A block with rigs has rig cameras and rig instances, also as
+A block on the earth has OpenDroneMap's ``gcp_list.txt`` of complete control points, the like of complete check points (``CHK-NAME``), as
+OpenDroneMap takes all of a list as control, and ``geo.txt``, the positions of its images; in longitude, latitude and ellipsoidal height. A block with rigs has rig cameras and rig instances, also as
 ``rig_cameras.json`` and ``rig_assignments.json``; the rig is its reference head.
 """  # noqa: E501
 
@@ -106,17 +106,19 @@ def _on_earth(delivery: Delivery, frame: TopocentricFrame) -> dict[str, str]:
     """The files that OpenDroneMap reads next to its images."""
     files, points = {}, delivery.points
     surveyed = points.surveyed_at
-    measured, rows = pixels(delivery) - _CENTRE, []
+    measured = pixels(delivery) - _CENTRE
+    rows: dict[str, list[str]] = {"gcp_list.txt": [], "gcp_check_list.txt": []}
     for ray, (image, point) in enumerate(zip(points.image, points.point, strict=True)):
         at = surveyed.get(points.names[point])
         if at is None or not np.isfinite(points.surveyed.local[at]).all():
             continue
-        name = f"{_CHECK if points.surveyed.check[at] else ''}{points.names[point]}"
+        check = bool(points.surveyed.check[at])
+        name = f"{_CHECK if check else ''}{points.names[point]}"
         place = _longitude_latitude(frame, points.surveyed.local[at])
         # Tabulators keep names with blanks whole.
-        rows.append("\t".join([*place, *fixed(measured[ray], _PIXEL), delivery.names[image], name]))
-    if rows:
-        files["gcp_list.txt"] = "\n".join([_EARTH, *rows]) + "\n"
+        listed = rows["gcp_check_list.txt" if check else "gcp_list.txt"]
+        listed.append("\t".join([*place, *fixed(measured[ray], _PIXEL), delivery.names[image], name]))
+    files |= {file: "\n".join([_EARTH, *listed]) + "\n" for file, listed in rows.items() if listed}
     if not any(sign.isspace() for name in delivery.names for sign in name):
         places = (_longitude_latitude(frame, centre) for centre in delivery.handed.pose.centre)
         lines = [" ".join([name, *place]) for name, place in zip(delivery.names, places, strict=True)]

@@ -79,7 +79,8 @@ READ = {
         names=(("points.csv", "POINT3D_ID"), ("images.csv", "image_there")),
     ),
     "opensfm": Read(
-        "opensfm", "tracks.csv", "reconstruction.json", "reconstruction.json", ("gcp_list.txt",),
+        "opensfm", "tracks.csv", "reconstruction.json", "reconstruction.json",
+        ("gcp_list.txt", "gcp_check_list.txt"),
         image_point_um=6e-5, control_m=2e-6, position_m=1e-7, control_reader="odm-gcp",
     ),
     "opf": Read(
@@ -273,15 +274,18 @@ def test_lists_of_opendronemap_have_marks_and_positions(tmp_path: Path):
     results, points = flown(Flight())
     images = replace(results.images, names=tuple(name.replace(" ", "_") for name in NAMES))
     files = EXCHANGE["opensfm"].write(delivered(replace(results, images=images), points, "opensfm"))
-    for file in ("gcp_list.txt", "geo.txt"):
+    for file in ("gcp_list.txt", "gcp_check_list.txt", "geo.txt"):
         (tmp_path / file).write_text(str(files[file]))
-    marks = IMAGE_POINT_FORMATS["odm-gcp"](tmp_path / "gcp_list.txt")
-    assert marks.point.to_pylist() == ["P 3", "CHK-P80"]
-    assert marks.image.to_pylist() == ["1_a.tif", "0002.tif"]
-    frame = results.cameras[0].frame
-    seen_at = (marks.xy + 0.5) * frame.pixel_size * [1.0, -1.0] + np.array([-1.0, 1.0]) * frame.half_format
-    rays = [int(np.flatnonzero(points.point == k)[0]) for k in (3, 80)]
-    np.testing.assert_allclose(seen_at, points.xy[rays], atol=3e-10)
+    frame, corner = results.cameras[0].frame, np.array([-1.0, 1.0])
+    # Its own program takes every point of the first list as control, whatever its name.
+    for file, name, image, k in (
+        ("gcp_list.txt", "P 3", "1_a.tif", 3),
+        ("gcp_check_list.txt", "CHK-P80", "0002.tif", 80),
+    ):
+        marks = IMAGE_POINT_FORMATS["odm-gcp"](tmp_path / file)
+        assert (marks.point.to_pylist(), marks.image.to_pylist()) == ([name], [image])
+        seen_at = (marks.xy + 0.5) * frame.pixel_size * [1.0, -1.0] + corner * frame.half_format
+        np.testing.assert_allclose(seen_at, points.xy[points.point == k], atol=3e-10)
     records = EXPOSURE_FORMATS["odm-geo"](tmp_path / "geo.txt", "omega-phi-kappa")
     centre, _ = poses(results, records)
     assert records.image.to_pylist() == list(images.names)
