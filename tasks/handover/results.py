@@ -160,7 +160,25 @@ def read_results(folder: Path) -> Results:
     strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
     heads = _heads(folder, [one.frame.name for one in cameras], names)
     ground = _ground(folder, names)
-    return Results(images, cameras, orientations, strips, ground, stated.name, stated.flown, heads)
+    found = Results(images, cameras, orientations, strips, ground, stated.name, stated.flown, heads)
+    return with_images_only(found)
+
+
+def with_images_only(results: Results) -> Results:
+    """The results without cameras that took no image, as the virtual image of a platform."""
+    taken, images, heads = np.unique(results.images.camera), results.images, results.heads
+    number = np.full(len(results.cameras), -1)
+    number[taken] = np.arange(len(taken))
+    images = replace(
+        images,
+        camera=number[images.camera],
+        focal_length=images.focal_length[taken],
+        half_format=images.half_format[taken],
+        pixel_size=images.pixel_size[taken],
+    )
+    if heads is not None:
+        heads = replace(heads, reference=number[heads.reference[taken]])
+    return replace(results, images=images, cameras=tuple(results.cameras[k] for k in taken), heads=heads)
 
 
 def _heads(folder: Path, cameras: list[str], names: list[str]) -> RigHeads | None:

@@ -20,7 +20,7 @@ class RigHeads:
 
     Attributes
     ----------
-    reference : (c,) reference head of each camera; a camera alone is its own.
+    reference : (c,) reference head of each camera; a camera alone is its own; −1 if it took no image.
     event : (n,) number of the event of each image, from 0.
     """
 

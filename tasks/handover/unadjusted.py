@@ -19,7 +19,7 @@ from tasks.handover.block_points import block_points
 from tasks.handover.delivery import Angles
 from tasks.handover.export import Export, Wanted, chosen_format, chosen_world, write_block
 from tasks.handover.formats.exchange import EXCHANGE
-from tasks.handover.results import Results, calibrated_camera, ground_heights
+from tasks.handover.results import Results, calibrated_camera, ground_heights, with_images_only
 from tasks.handover.rig_heads import rig_heads
 from tasks.handover.rigorous import OrientedImages
 from tasks.settings.project import ProjectSettings
@@ -97,4 +97,5 @@ def _block(tables: _Tables, project: ProjectSettings) -> Results:
     )
     ground = ground_heights(tables.approximate_points, tables.image_points, list(given.image))
     heads = rig_heads(tables.exposures, rows, list(given.image)) if given.mountings.has_heads else None
-    return Results(images, cameras, orientations, given.strip, ground, project.name, project.flown, heads)
+    found = Results(images, cameras, orientations, given.strip, ground, project.name, project.flown, heads)
+    return with_images_only(found)

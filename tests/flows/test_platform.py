@@ -18,6 +18,7 @@ from adjust.geometry import rotation
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.platform import AdjustedPlatform, adjusted_platforms
+from tasks.handover.export import export_results
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.adjust.platform_scenes import PUBLISHED, dmc_heads
@@ -217,3 +218,12 @@ def test_certificates_of_the_heads_are_observed_in_the_adjustment(tmp_path: Path
     assert np.all(np.abs(lengths["value"] - 120.0) < 3.0 * lengths["sigma"])
     problems = json.loads((found.directory / "summary.json").read_text())["problems"]
     assert any("parameters of the certificate of head 00110011" in sentence for sentence in problems)
+
+
+@pytest.mark.parametrize("form", ["corrected-csv", "distortion-grid", "esri", "inpho", "isat"])
+def test_results_with_a_virtual_image_that_no_camera_took_are_exported(
+    calibrated: Path, form: str, tmp_path: Path
+) -> None:
+    written = export_results(calibrated, form, tmp_path).files
+    assert written
+    assert not any("platform" in (tmp_path / file).read_text() for file in written)
