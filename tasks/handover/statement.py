@@ -13,7 +13,7 @@ from tasks.handover.delivery import Delivery, DeliveryFormat
 from tasks.handover.formats.rigs import written_rigs
 from tasks.handover.lens import LensModel
 from tasks.handover.receiver import WARNED_PX
-from tasks.settings.deliver import World
+from tasks.settings.deliver import OFFERS, World
 
 _WORLDS: dict[World, str] = {
     "local": "The program must treat the coordinates as Cartesian, without any correction for "
@@ -69,13 +69,16 @@ def _about_world(delivery: Delivery, form: DeliveryFormat) -> list[str]:
     if not form.oriented:
         return []
     refraction = _about_refraction(delivery, straight=form.straight)
-    return [_WORLDS[delivery.handed.world], _coordinates(delivery), *refraction]
+    return [_WORLDS[delivery.handed.world], _coordinates(delivery, form), *refraction]
 
 
-def _coordinates(delivery: Delivery) -> str:
+def _coordinates(delivery: Delivery, form: DeliveryFormat) -> str:
     images, world = delivery.results.images, delivery.handed.world
-    if world == "rpc":
-        return f"Coordinates: latitude and longitude of WGS 84; project: {images.map_frame.description}."
+    if OFFERS[form.name].placed and world in ("rpc", "map"):
+        return (
+            "Coordinates: latitude, longitude and ellipsoidal height of WGS 84, from "
+            f"{images.map_frame.description}."
+        )
     if world == "local" and isinstance(images.frame, TopocentricFrame):
         latitude, longitude = np.rad2deg([images.frame.latitude, images.frame.longitude])
         return (

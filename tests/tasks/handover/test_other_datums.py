@@ -19,6 +19,8 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import InputError
 from tasks.formats.earth_poses import WGS84
 from tasks.formats.register import CONTROL_FORMATS, EXPOSURE_FORMATS
+from tasks.handover.formats.register import REGISTER
+from tasks.handover.statement import statement
 from tests.tasks.handover.flown_block import GROUND, Flight, delivered, flown
 from tests.tasks.handover.test_ground_through_files import write
 
@@ -121,6 +123,14 @@ def test_polynomials_are_of_wgs_84():
         expected = [0.5 * (frame.columns - 1) + x0, 0.5 * (frame.rows - 1) - y0]
         # The stated misfit is 0.1 px with this distortion; the datum moved it by 1,800.
         np.testing.assert_allclose([column, row], expected, rtol=0, atol=0.05)
+
+
+@pytest.mark.parametrize("name", ["geojson", "kmz", "rpc"])
+def test_the_statement_says_that_coordinates_are_of_wgs_84(name):
+    delivery = delivered(*flown(SWISS), name)
+    text = " ".join(statement(delivery, REGISTER[name]).split())
+    assert "Coordinates: latitude, longitude and ellipsoidal height of WGS 84" in text
+    assert "CH1903+ / LV95), ellipsoidal heights, metres" not in text
 
 
 @pytest.mark.parametrize("name", [*FILES, "geojson", "rpc"])
