@@ -75,10 +75,9 @@ def _about_world(delivery: Delivery, form: DeliveryFormat) -> list[str]:
 def _coordinates(delivery: Delivery, form: DeliveryFormat) -> str:
     images, world = delivery.results.images, delivery.handed.world
     if OFFERS[form.name].placed and world in ("rpc", "map"):
-        return (
-            "Coordinates: latitude, longitude and ellipsoidal height of WGS 84, from "
-            f"{images.map_frame.description}."
-        )
+        from_sea = form.name == "kmz" and images.map_frame.heights.geoid is not None
+        height = "height above the geoid" if from_sea else "ellipsoidal height"
+        return f"Coordinates: latitude, longitude of WGS 84, {height}, from {images.map_frame.description}."
     if world == "local" and isinstance(images.frame, TopocentricFrame):
         latitude, longitude = np.rad2deg([images.frame.latitude, images.frame.longitude])
         return (

@@ -49,9 +49,9 @@ def write_geojson(delivery: Delivery) -> Files:
 
 
 def write_kmz(delivery: Delivery) -> Files:
-    """``block.kmz``: a folder for each kind; heights are absolute."""
+    """``block.kmz``: a folder for each kind; absolute heights, which KML counts from the sea."""
     folders: dict[str, list[str]] = {name: [] for name in ("cameras", "footprints", "surveyed_points")}
-    for layer, name, properties, place in _shapes(delivery):
+    for layer, name, properties, place in _shapes(delivery, from_sea=True):
         corners = " ".join(
             f"{x:.{_KML_DECIMALS}f},{y:.{_KML_DECIMALS}f},{z:.{_HEIGHT_DECIMALS}f}" for x, y, z in place
         )
@@ -79,8 +79,11 @@ def write_kmz(delivery: Delivery) -> Files:
     return {"block.kmz": stream.getvalue()}
 
 
-def _shapes(delivery: Delivery) -> list[_Shape]:
-    """Layer, name, properties and longitude, latitude (degrees), ellipsoidal height (k, 3) of everything."""
+def _shapes(delivery: Delivery, *, from_sea: bool = False) -> list[_Shape]:
+    """Layer, name, properties and longitude, latitude (degrees), height (k, 3) of everything.
+
+    Heights are ellipsoidal; with `from_sea` those of a project with a geoid are its own.
+    """
     images = delivery.results.images
     if images.map_frame.is_local:
         raise InputError(
@@ -91,7 +94,9 @@ def _shapes(delivery: Delivery) -> list[_Shape]:
 
     def on_earth(in_map: Floats) -> Floats:
         geodetic = geodetic_on_wgs84(images.map_frame, in_map)
-        return np.column_stack([np.rad2deg(geodetic[:, 1::-1]), geodetic[:, 2]])
+        from_geoid = from_sea and images.map_frame.heights.geoid is not None
+        height = in_map[:, 2] if from_geoid else geodetic[:, 2]
+        return np.column_stack([np.rad2deg(geodetic[:, 1::-1]), height])
 
     pose = delivery.handed.pose
     angles = in_angles(pose.map_from_camera, Angles())

@@ -104,7 +104,7 @@ def _rigs(delivery: Delivery) -> tuple[dict[str, object], dict[str, str]]:
 
 def _on_earth(delivery: Delivery, frame: TopocentricFrame) -> dict[str, str]:
     """The files that OpenDroneMap reads next to its images."""
-    files, points = {}, delivery.points
+    points = delivery.points
     surveyed = points.surveyed_at
     measured = pixels(delivery) - _CENTRE
     rows: dict[str, list[str]] = {"gcp_list.txt": [], "gcp_check_list.txt": []}
@@ -118,7 +118,7 @@ def _on_earth(delivery: Delivery, frame: TopocentricFrame) -> dict[str, str]:
         # Tabulators keep names with blanks whole.
         listed = rows["gcp_check_list.txt" if check else "gcp_list.txt"]
         listed.append("\t".join([*place, *fixed(measured[ray], _PIXEL), delivery.names[image], name]))
-    files |= {file: "\n".join([_EARTH, *listed]) + "\n" for file, listed in rows.items() if listed}
+    files = {file: "\n".join([_EARTH, *listed]) + "\n" for file, listed in rows.items() if listed}
     if not any(sign.isspace() for name in delivery.names for sign in name):
         places = (_longitude_latitude(frame, centre) for centre in delivery.handed.pose.centre)
         lines = [" ".join([name, *place]) for name, place in zip(delivery.names, places, strict=True)]

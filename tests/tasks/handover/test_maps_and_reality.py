@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from dataclasses import replace
@@ -14,13 +15,17 @@ import pytest
 
 from adjust.geometry.earth import CartesianFrame
 from adjust.geometry.rotation import from_omega_phi_kappa
+from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
 from tasks.formats.realityscan import read_realityscan_exposures
 from tasks.formats.records import PixelCamera
+from tasks.handover.block_points import no_points
 from tasks.handover.delivery import Delivery
 from tasks.handover.export import lenses_of
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.receiver import hand_over
+from tasks.settings.coordinates import Heights
+from tests.tasks.coordinates import test_geoid_grid
 from tests.tasks.handover.flown_block import GROUND, LOCAL, NAMES, Flight, delivered, flown
 from tests.tasks.handover.test_ground_through_files import pixels, seen
 
@@ -147,6 +152,27 @@ def test_geojson_and_kmz_hold_the_block_on_the_earth(case):
     given = text.findtext(f".//{kml}Point/{kml}coordinates").split(",")
     first = layers["cameras.geojson"][0]["geometry"]["coordinates"]
     np.testing.assert_allclose([float(value) for value in given], first, atol=1e-3)
+
+
+def test_kmz_has_heights_above_the_sea_where_the_project_has_a_geoid(monkeypatch, tmp_path):
+    """KML counts absolute heights from the sea, GeoJSON heights from the ellipsoid."""
+    monkeypatch.setattr(test_geoid_grid, "WEST", 9.0)
+    monkeypatch.setattr(test_geoid_grid, "NORTH", 48.5)
+    side = test_geoid_grid.SIDE
+    geoid = test_geoid_grid.geotiff(tmp_path / "geoid.tif", np.full((side, side), 45.0, np.float32))
+    results, _ = flown(Flight())
+    place = MapFrame.of("EPSG:25832", Heights(geoid=geoid))
+    results = replace(results, images=replace(results.images, map_frame=place))
+    (packed,) = REGISTER["kmz"].write(delivered(results, no_points(), "kmz")).values()
+    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
+        text = archive.read("doc.kml").decode()
+    first = re.findall(r"<coordinates>([^<]+)</coordinates>", text)[: len(NAMES)]
+    above_sea = results.images.map_pose.centre[:, 2]
+    np.testing.assert_allclose([float(one.split(",")[2]) for one in first], above_sea, atol=6e-4)
+    files = REGISTER["geojson"].write(delivered(results, no_points(), "geojson"))
+    features = json.loads(files["cameras.geojson"])["features"]
+    found = [one["geometry"]["coordinates"][2] for one in features]
+    np.testing.assert_allclose(found, above_sea + 45.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["geojson", "kmz", "orthority"])

@@ -129,7 +129,7 @@ def test_polynomials_are_of_wgs_84():
 def test_the_statement_says_that_coordinates_are_of_wgs_84(name):
     delivery = delivered(*flown(SWISS), name)
     text = " ".join(statement(delivery, REGISTER[name]).split())
-    assert "Coordinates: latitude, longitude and ellipsoidal height of WGS 84" in text
+    assert "Coordinates: latitude, longitude of WGS 84, ellipsoidal height, from" in text
     assert "CH1903+ / LV95), ellipsoidal heights, metres" not in text
 
 
