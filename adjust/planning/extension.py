@@ -73,7 +73,8 @@ def _exposures(network: PlannedNetwork, strips: tuple[AddedStrip, ...]) -> Plann
     height = np.repeat([strip.height for strip in strips], count)
     heading = np.repeat([strip.heading for strip in strips], count)
     centre = raised(plan, ground + height, network.frame)
-    camera, flight = int(np.bincount(given.camera).argmax()), int(np.bincount(given.flight).argmax())
+    flight = int(np.bincount(given.flight).argmax())
+    camera = int(np.bincount(given.camera[given.flight == flight]).argmax())
     axes = np.asarray(network.frame.local_from_enu(centre))
     level = rotation.ned_from_body(np.stack([heading, np.zeros(n), np.zeros(n)], -1))
     misaligned = rotation.from_roll_pitch_yaw(network.system[BORESIGHT][camera : camera + 1])[0]

@@ -173,8 +173,8 @@ def plan_calibration(
             names -= {"focal_length"}
         for addition in additions(network, request.limits.height_ratio):
             wider = extended(network, addition.strips, addition.control)
-            turned = addition.groups and network.has_positions
-            if turned and pattern_reasons(names, _pattern(wider), request.limits):
+            lines_by_gnss = addition.groups and network.has_positions
+            if lines_by_gnss and pattern_reasons(names, _pattern(wider), request.limits):
                 continue  # directions or heights would still be missing, whatever the numbers are
             proposals.append(Proposal(addition, _expectation(wider, request)))
             if proposals[-1].expectation.accepted:

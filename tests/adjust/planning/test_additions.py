@@ -234,3 +234,22 @@ def test_a_network_without_declared_strips_still_gets_proposals() -> None:
     pattern = flight_pattern(wider.heading, wider.height_above_ground, wider.exposures.strip)
     assert len(pattern.directions) == 2
     assert pattern.height_ratio > 2.0
+
+
+def test_added_strips_are_taken_with_the_camera_of_their_flight() -> None:
+    """The longest of three flights has one camera, and the two others together more images of another."""
+    base, spacing = base_of(CAMERA, HEIGHT, 0.6), spacing_of(CAMERA, HEIGHT, 0.5)
+    flights = tuple(
+        LineGroup(name, name, camera, 0.0, HEIGHT, (count,) * 2, base, spacing, "single")
+        for name, camera, count in (("1", 0, 6), ("2", 1, 5), ("3", 1, 5))
+    )
+    specification = small_specification(
+        cameras=(CAMERA, replace(CAMERA, name="D")),
+        flight=flights,
+        points=PointSpecification(count=300),
+    )
+    network = simulated_network(specification)
+    wider = extended(network, (AddedStrip(np.zeros((3, 2)), 0.0, HEIGHT),))
+    added = slice(len(network.exposures), None)
+    assert set(wider.exposures.flight[added]) == {0}
+    assert set(wider.exposures.camera[added]) == {0}
