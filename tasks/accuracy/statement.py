@@ -15,7 +15,7 @@ from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from typing import Literal, TypeAlias
 
-from tasks.accuracy.check_points import QUANTITIES, CheckPointDifferences
+from tasks.accuracy.check_points import QUANTITIES, CheckPointDifferences, Points
 from tasks.accuracy.template import STANDARDS, Part, Template, delivered
 from tasks.files.json_text import JSON, attributes
 
@@ -210,13 +210,15 @@ def _rough_survey(template: Template, found: CheckPointDifferences, wanted: Accu
     share = template.survey_at_most
     if share is None or wanted is None:
         return ""
-    pairs = zip(
-        ("plan", "height"),
-        (QUANTITIES["survey_H"](found), QUANTITIES["survey_V"](found)),
-        (wanted.horizontal_m, wanted.vertical_m),
-        strict=True,
+    asked: tuple[tuple[str, Points, str, float], ...] = (
+        ("plan", "plan", "survey_H", wanted.horizontal_m),
+        ("height", "height", "survey_V", wanted.vertical_m),
     )
-    rough = [way for way, survey, limit in pairs if survey > share * limit]
+    rough = []
+    for way, points, survey, limit in asked:
+        own = found.of(points)  # no class is for points under vegetation
+        if len(own.difference) and not QUANTITIES[survey](own) <= share * limit:
+            rough.append(way)
     if not rough:
         return ""
     return (

@@ -251,3 +251,25 @@ def test_a_template_with_something_unknown_is_refused(tmp_path: Path, old: str, 
     with pytest.raises(InputError, match=r"\S") as refused:
         read_template(own(tmp_path, old, new))
     assert words in refused.value.what
+
+
+def test_well_surveyed_points_under_vegetation_do_not_excuse_the_others() -> None:
+    """30 points surveyed with 6 cm do not test a class of 10 cm, whatever 60 without a class have."""
+    found = differences((0.02, 0.02, 0.02), 90, survey=0.01)
+    vegetated = np.arange(90) >= 30
+    found.survey_sigma[~vegetated, 2] = 0.06
+    found = CheckPointDifferences(found.difference, found.survey_sigma, vegetated)
+    said = asprs_of(found, AccuracyClass(0.10, 0.10))
+    assert "NOT allowed: the survey of the check points in height" in said.sentence
+    assert not said.passed
+    # The other way round the points of the class are good enough.
+    found.survey_sigma[:, 2] = np.where(vegetated, 0.20, 0.02)
+    assert asprs_of(found, AccuracyClass(0.10, 0.10)).passed
+
+
+def test_a_survey_of_unknown_accuracy_is_not_accurate_enough() -> None:
+    found = differences((0.02, 0.02, 0.02), 30)
+    found.survey_sigma[3, 2] = np.nan
+    assert "NOT allowed: the survey of the check points in height" in (
+        asprs_of(found, AccuracyClass(0.10, 0.10)).sentence
+    )
