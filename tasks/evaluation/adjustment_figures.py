@@ -35,14 +35,14 @@ def adjustment_figures(
     result = adjusted.result
     rays = result.groups[0]
     sigma_image = float(np.median(rays.sigma))
-    pixel = adjusted.block.cameras[0].pixel_size
+    sigma_px = float(np.median(rays.sigma / _pixel_of_rays(adjusted)))
     control, check = (surveyed_differences(adjusted, is_check) for is_check in (False, True))
     control = control[control["status"] == "used"]
     test = result.test
     return {
         "sigma0": test.sigma0,
         "sigma0_um": test.sigma0 * sigma_image * 1e6,
-        "sigma0_px": test.sigma0 * sigma_image / pixel,
+        "sigma0_px": test.sigma0 * sigma_px,
         "redundancy": test.redundancy,
         "iterations": sum(len(item) for item in result.iterations),
         "counts": {
@@ -121,12 +121,17 @@ def uncontrolled(group: GroupResult) -> int:
 def _image_rms_px(adjusted: AdjustedBlock) -> list[JSON]:
     """RMS of the residuals of the image points that were used, in pixels, x and y."""
     group = adjusted.result.groups[0]
-    assert isinstance(group.group, ImagePoints)  # the first group of every result
-    cameras = adjusted.block.cameras
-    pixel = np.array([camera.pixel_size for camera in cameras])[adjusted.block.camera_of_image]
     used = np.isin(group.status, (ObservationStatus.USED, ObservationStatus.UNCONTROLLED)).all(axis=1)
-    residual = group.residual[used] / pixel[group.group.image[used]][:, None]
+    residual = (group.residual / _pixel_of_rays(adjusted))[used]
     return [float(value) for value in np.sqrt(np.mean(residual**2, axis=0))]
+
+
+def _pixel_of_rays(adjusted: AdjustedBlock) -> Floats:
+    """(n, 1) side of a pixel of the camera of each ray, metres."""
+    rays = adjusted.result.groups[0].group
+    assert isinstance(rays, ImagePoints)  # the first group of every result
+    pixel = np.array([camera.pixel_size for camera in adjusted.block.cameras])
+    return np.asarray(pixel[adjusted.block.camera_of_image[rays.image]][:, None])
 
 
 def _rmse(table: pd.DataFrame) -> list[JSON] | None:
