@@ -107,7 +107,7 @@ def quality_drift_table(now: Mapping[str, pd.DataFrame], earlier: Path) -> pd.Da
         if schema.name in now and (earlier / f"{schema.name}.parquet").is_file()
     }
     if "noise_levels" in then:
-        rows += _noise(now["noise_levels"], then["noise_levels"])
+        rows += noise_changes(now["noise_levels"], then["noise_levels"])
     if "sensor_sheets" in then:
         rows += _sheets(now["sensor_sheets"], then["sensor_sheets"])
         for name, places in _PLACES.items():
@@ -132,7 +132,7 @@ def _row(band: int, quantity: str, then: float, now: float, sigma: float) -> _Ro
     }
 
 
-def _noise(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
+def noise_changes(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
     """Weighted mean noise at those present levels that lie between the earlier ones."""
     for band, own in now.groupby("band"):
         before = then[then["band"] == band].sort_values("level")
@@ -143,11 +143,13 @@ def _noise(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
         both = (level >= known[0]) & (level <= known[-1])
         if not both.any():
             continue
-        there = np.interp(level[both], known, noise_then)
-        spread: Floats = np.hypot(sigma[both], np.interp(level[both], known, sigma_then))
-        weight = 1.0 / np.maximum(spread, 1e-9) ** 2
-        mean_then, mean_now = (float(np.average(one, weights=weight)) for one in (there, noise[both]))
-        yield _row(int(str(band)), "noise", mean_then, mean_now, float(1.0 / np.sqrt(np.sum(weight))))
+        # (levels now, levels then): several of now may lie between the same two then, and share their errors.
+        between = np.stack([np.interp(level[both], known, unit) for unit in np.eye(len(known))], axis=1)
+        weight = 1.0 / np.maximum(sigma[both] ** 2 + between**2 @ sigma_then**2, 1e-18)
+        weight /= weight.sum()
+        mean_then, mean_now = float(weight @ between @ noise_then), float(weight @ noise[both])
+        variance = weight**2 @ sigma[both] ** 2 + (weight @ between) ** 2 @ sigma_then**2
+        yield _row(int(str(band)), "noise", mean_then, mean_now, float(np.sqrt(max(variance, 1e-18))))
 
 
 def _sheets(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
