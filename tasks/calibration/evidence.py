@@ -115,8 +115,11 @@ def _of_steps(steps: StepComparisonFigure | None, limits: AcceptanceLimits) -> I
 
 
 def _of_check_points(direct: Mapping[str, Any], limits: AcceptanceLimits) -> Iterator[Objection]:
-    """Differences at the independent check points that are larger than predicted."""
-    probability = limits.error_probability / len(_AXES)
+    """Differences at the independent check points that are larger than predicted.
+
+    Mean and root mean square of each axis are a test of their own, with their part of the probability.
+    """
+    probability = limits.error_probability / (2 * len(_AXES))
     largest = float(special.ndtri(1.0 - 0.5 * probability))
     for axis, way in enumerate(_AXES):
         figures = [direct[name][axis] for name in _CHECKED if direct.get(name) is not None]
