@@ -28,10 +28,10 @@ _PRIOR = "prior:"
 _AXES = ("east", "north", "up")
 _GROUPS = ("image_points", "control_points", "gnss_positions", "ins_attitudes")
 _CHECKED = ("rmse_m", "predicted_rmse_m", "degrees_of_freedom", "mean_m", "predicted_mean_sigma_m")
-# Fewer rejected observations are single gross errors, whatever part of a strip they are.
-_SEVERAL = 3
-# σ0 of a group with less redundancy says little.
-_LEAST_REDUNDANCY = 30.0
+#: Fewer rejected observations are single gross errors, whatever part of a strip they are.
+SEVERAL = 3
+#: σ0 of a group with less redundancy says little.
+LEAST_REDUNDANCY = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +148,7 @@ def _of_groups(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterato
     for item in adjusted.groups:
         name, sigma0 = item.group, item.sigma0
         known = name in _GROUPS and name not in restored
-        if not known or sigma0 is None or (item.redundancy or 0.0) < _LEAST_REDUNDANCY:
+        if not known or sigma0 is None or (item.redundancy or 0.0) < LEAST_REDUNDANCY:
             continue
         factor = limits.sigma0_factor
         if not 1.0 / factor <= sigma0 <= factor:
@@ -189,7 +189,7 @@ def _of_rejections(
     )
     for name, own in wrong.groupby("group", sort=False):
         count, part = int(own["rejected"].sum()), float(own["rejected"].mean())
-        if count >= _SEVERAL and part > limits.rejected_part:
+        if count >= SEVERAL and part > limits.rejected_part:
             yield True, _rejected(str(name), count, len(own), "")
             continue
         if name in ("gnss_positions", "ins_attitudes"):
@@ -201,7 +201,7 @@ def _of_entities(group: str, own: pd.DataFrame) -> Iterator[Objection]:
     for scope in ("flight", "strip"):
         for (_, name), part in own.groupby(["flight", scope], sort=False, dropna=True):
             count = int(part["rejected"].sum())
-            if count >= _SEVERAL and count > 0.5 * len(part):
+            if count >= SEVERAL and count > 0.5 * len(part):
                 yield scope == "flight", _rejected(group, count, len(part), f" of {scope} {name}")
 
 

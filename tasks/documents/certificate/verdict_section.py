@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from adjust.parameters import FAMILIES, INTERIOR_ORIENTATION
+from tasks.calibration.evidence import LEAST_REDUNDANCY, SEVERAL
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.calibration.verdicts import REFUSED, RESTRICTED
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, decimals_for, text_column
@@ -51,7 +52,7 @@ def limit_table(material: CertificateMaterial) -> Table:
     limits = material.results.project.calibration.limits
     rows = (
         *_of_sigmas(material),
-        *_of_pattern(material.record, limits),
+        *_of_pattern(material, limits),
         *_of_groups(material, limits),
         *_of_global_test(material),
         *_of_model(material, limits),
@@ -107,8 +108,11 @@ def _of_sigmas(material: CertificateMaterial) -> Iterator[Row]:
             yield _row(f"{key}:prior", f"{words} / σ before", judged.sigma_over_prior, bounds)
 
 
-def _of_pattern(record: CalibrationRecord, limits: AcceptanceLimits) -> Iterator[Row]:
+def _of_pattern(material: CertificateMaterial, limits: AcceptanceLimits) -> Iterator[Row]:
     """Flight directions and heights, where what is calibrated needs them."""
+    if not any(group.group == "gnss_positions" for group in material.results.figures.groups):
+        return
+    record = material.record
     known = {kind_of(item.parameter) for item in record.estimated}
     if any(kind.needs_headings for name, kind in KINDS.items() if name in known):
         directions = float(len(record.flight.headings_deg))
@@ -118,20 +122,23 @@ def _of_pattern(record: CalibrationRecord, limits: AcceptanceLimits) -> Iterator
     arm_and_point = {"principal_point", "lever_arm"} <= known
     if record.flight.heights_m and ("focal_length" in known or arm_and_point):
         ratio = max(record.flight.heights_m) / min(record.flight.heights_m)
-        yield _row(
-            "height_ratio",
-            "highest over lowest flying height",
-            ratio,
-            (limits.height_ratio, None),
-            decimals=1,
-        )
+        # An accepted rig needed none: its heads look in different directions.
+        if ratio >= limits.height_ratio or not record.heads or record.verdict == "refused":
+            yield _row(
+                "height_ratio",
+                "highest over lowest flying height",
+                ratio,
+                (limits.height_ratio, None),
+                decimals=1,
+            )
 
 
 def _of_groups(material: CertificateMaterial, limits: AcceptanceLimits) -> Iterator[Row]:
-    """σ0 of each group of observations, and the part of it that was rejected."""
+    """σ0 of each group of observations, and the rejected part of it, where the verdict tests them."""
     factor = limits.sigma0_factor
     for group in material.results.figures.groups:
-        if group.group in _OBSERVED and group.sigma0 is not None:
+        enough = (group.redundancy or 0.0) >= LEAST_REDUNDANCY
+        if group.group in _OBSERVED and group.sigma0 is not None and enough:
             words = f"σ0 of the {group_words(group.group)}"
             yield _row(f"sigma0:{group.group}", words, group.sigma0, (1.0 / factor, factor))
     residuals = material.results.residuals
@@ -142,6 +149,8 @@ def _of_groups(material: CertificateMaterial, limits: AcceptanceLimits) -> Itera
         .groupby([entered["group"], entered["image"], entered["point"]], dropna=False, sort=False)
     )
     for name, own in wrong.any().groupby(level="group", sort=False):
+        if own.mean() > limits.rejected_part and own.sum() < SEVERAL:
+            continue
         part = 100.0 * float(own.mean())
         words = f"rejected {group_words(str(name))}"
         yield _row(f"rejected:{name}", words, part, (None, 100.0 * limits.rejected_part), "%", 1)

@@ -213,6 +213,53 @@ def test_limits_are_kept_or_not_as_their_figures_say(calibration: Calibration) -
     assert found[f"{failed.name}:max"].cells[-1] == "not met"
 
 
+def with_groups(material: CertificateMaterial, **groups: dict[str, float] | None) -> CertificateMaterial:
+    """With figures of observation groups changed, or without a group."""
+    old = material.results.summary
+    found = [item.model_dump() | (groups.get(item.group) or {}) for item in material.results.figures.groups]
+    found = [item for item in found if groups.get(item["group"], {}) is not None]
+    summary = type(old).model_validate({**old.model_dump(), **(old.model_extra or {}), "groups": found})
+    return replace(material, results=replace(material.results, summary=summary))
+
+
+def test_no_limit_is_listed_that_the_verdict_does_not_apply(calibration: Calibration) -> None:
+    """An accepted certificate would contradict itself with a limit that is not met."""
+    material = calibration.material()
+    record = material.record
+    estimated, held = "principal_point_x", "focal_length"
+    swapped = {estimated: held, held: estimated}
+    parameters = tuple(
+        item.model_copy(update={"parameter": swapped.get(item.parameter, item.parameter)})
+        for item in record.parameters
+    )
+    flight = record.flight.model_copy(update={"heights_m": (800.0,)})
+    one_height = changed(record, parameters=parameters, flight=flight)
+    own = replace(material, record=one_height)
+    assert {"headings", "height_ratio"} <= limits(own).keys()
+    # Without GNSS positions neither directions nor heights are needed.
+    without = with_groups(own, gnss_positions=None)
+    assert not {"headings", "height_ratio"} & limits(without).keys()
+    # Heads that look in different directions determine their focal lengths at one height.
+    rig = changed(one_height, heads=(record.camera.model_copy(update={"name": "left"}),))
+    assert "height_ratio" not in limits(replace(own, record=rig))
+    refused = changed(rig, verdict="refused", reasons=("One height only.",))
+    assert limits(replace(own, record=refused))["height_ratio"].cells[-1] == "not met"
+    # σ0 of a few redundant observations says little.
+    for redundancy, listed in ((29.0, False), (31.0, True)):
+        few = with_groups(material, ins_attitudes={"sigma0": 2.0, "redundancy": redundancy})
+        assert ("sigma0:ins_attitudes" in limits(few)) is listed
+    # One or two rejected ones are single gross errors, whatever part they are of a few.
+    residuals = material.results.residuals.astype({"status": str})
+    control = residuals.index[residuals["group"] == "control_points"][:9]
+    few_points = residuals.drop(residuals.index[residuals["group"] == "control_points"].difference(control))
+    for count, listed in ((2, False), (3, True)):
+        points = few_points.loc[control, "point"].drop_duplicates()[:count]
+        table = few_points.copy()
+        table.loc[control.intersection(table.index[table["point"].isin(points)]), "status"] = "rejected"
+        found = limits(replace(material, results=replace(material.results, residuals=table)))
+        assert ("rejected:control_points" in found) is listed
+
+
 def test_errors_of_the_model_are_held_against_what_they_may_move(calibration: Calibration) -> None:
     material = calibration.material()
     of = {"entity": "UCE-80", "moved_by": 0.3}
