@@ -14,7 +14,7 @@ from scipy import special
 from adjust.arrays import Bools, Floats
 from adjust.model_tests import ModelTests
 from adjust.parameters import Quantity
-from adjust.quality.model_alternatives import AlternativeTests
+from adjust.quality.model_alternatives import AlternativeTests, ParameterAlternative
 from tasks.evaluation.alternative_words import POWER, alternative_words
 from tasks.evaluation.model_alternatives import Alternative
 from tasks.evaluation.result_tables import AdjustedBlock
@@ -213,7 +213,8 @@ class ExaminedModel:
         """(h, k) change of the calibrated parameters by b = 1, in their standard deviations.
 
         A parameter that differs between flights, heights or directions has two values and one result: it is
-        wrong by what it is moved for one of them, and by that less b for the other.
+        wrong by what it is moved for one of them, and by that less b for the other. The shift of a flight
+        that is not in this part, or wholly, has one of both.
         """
         own = self._calibrated()
         spread = self.adjusted.sigma0 * np.sqrt(np.diagonal(self.adjusted.cofactor.reduced.corner)[own])
@@ -222,10 +223,22 @@ class ExaminedModel:
         for k, item in enumerate(self.alternatives):
             for row, of in enumerate(names):
                 same = of.name == item.quantity and item.entity in ("", of.entity)
-                differs = item.scope in _DIVISIONS and same
-                if differs and abs(effect[row, k] - 1.0) > abs(effect[row, k]):
+                if item.scope not in _DIVISIONS or not same:
+                    continue
+                inside = self._inside(item, of)
+                larger = abs(effect[row, k] - 1.0) > abs(effect[row, k])
+                if inside.any() and (larger or inside.all()):
                     effect[row, k] -= 1.0
         return effect / spread[:, None]
+
+    def _inside(self, item: Alternative, of: Quantity) -> Bools:
+        """(n,) which of the events that have a parameter are those for which it differs."""
+        block, model = self.adjusted.block, item.model
+        events = model.events if isinstance(model, ParameterAlternative) else None
+        if events is None:
+            return np.zeros(0, dtype=bool)
+        own = np.array(block.flights, dtype=object)[block.flight_of_event] == of.flight
+        return events if item.entity or of.flight is None else events[own]
 
     @cached_property
     def _names(self) -> tuple[Quantity, ...]:

@@ -71,7 +71,8 @@ def _systematic(grid: CameraGridFigure) -> Iterator[str]:
 def _correlated(camera: str, rows: pd.DataFrame) -> Iterator[str]:
     near = rows[rows["correlated"] & (rows["distance_to_mm"] <= _NEIGHBOURS_MM)]
     correlation = near["correlation"].to_numpy(np.float64)
-    strongest = float(correlation.max(initial=0.0))
+    # The estimate from a few pairs may be more than one.
+    strongest = min(float(correlation.max(initial=0.0)), 1.0)
     if strongest >= _LEAST_CORRELATION:
         reach = near["distance_to_mm"].to_numpy(np.float64)[np.argmax(correlation)]
         yield (

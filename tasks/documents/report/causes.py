@@ -19,7 +19,7 @@ from tasks.documents.report.material import IMAGE_POINTS, TOOK_PART, Material
 from tasks.documents.report.surveyed_differences import AXES
 from tasks.quantities import group_words, unit_words
 from tasks.remarks.adjustment import global_test_words, misfit_words, rejected_control_words
-from tasks.results.figures import ModelFinding
+from tasks.results.figures import GroupFigure, ModelFinding
 
 #: Places on the first screen; more are in the tables.
 MOST_PLACES = 6
@@ -31,6 +31,8 @@ _SEVERAL = 3
 _LEAST_POINTS, _LEAST_SHARE = 5, 0.2
 # Beyond this a standardized residual is a gross error where nothing was rejected: 1 of 27,000 by chance.
 _GROSS = 4.13
+# Half of all standardized residuals are within this, if their σ are right.
+_MEDIAN_OF_NORMAL = 0.6745
 _OF_IMAGES = {"gnss_position": "gnss_positions", "ins_attitude": "ins_attitudes"}
 _OF_ALL = {
     "convergence": "the north of the attitudes",
@@ -39,12 +41,8 @@ _OF_ALL = {
     "time_offset": "the times of the exposures",
 }
 _ITS_OWN = {"gnss_positions": "GNSS position", "ins_attitudes": "INS attitude"}
-_GROUPS = {
-    **_OF_IMAGES,
-    "gnss_shift": "gnss_positions",
-    "boresight": "ins_attitudes",
-    "control_point": "control_points",
-}
+_SINGLE = {**_OF_IMAGES, "control_point": "control_points"}
+_GROUPS = {**_SINGLE, "gnss_shift": "gnss_positions", "boresight": "ins_attitudes"}
 
 
 @dataclass(frozen=True)
@@ -84,9 +82,25 @@ def remarks(material: Material, found: Sequence[Cause]) -> tuple[str, ...]:
     if sigma0 is not None and test is not None and test.lower is not None:
         said.add(global_test_words(sigma0, test))
     explained = {cause.group for cause in found}
-    said |= {misfit_words(group) or "" for group in material.figures.groups if group.group in explained}
+    said |= {
+        misfit_words(group) or ""
+        for group in material.figures.groups
+        if group.group in explained and not _misfits_as_a_whole(material, group)
+    }
     said.add(rejected_control_words(_rejected_control(material)))
     return tuple(sentence for sentence in material.summary.problems if sentence not in said)
+
+
+def _misfits_as_a_whole(material: Material, group: GroupFigure) -> bool:
+    """Whether most residuals of a group do not fit their σ, which no error of a few of them explains."""
+    typical = max(1.0, _typical(material.residuals[material.residuals["group"] == group.group]))
+    return misfit_words(group.model_copy(update={"sigma0": typical})) is not None
+
+
+def _typical(table: pd.DataFrame) -> float:
+    """σ of the standardized residuals, from their median size: a few gross errors do not change it."""
+    size = table["standardized"][table["status"].isin(TOOK_PART)].abs()
+    return float(size.median()) / _MEDIAN_OF_NORMAL
 
 
 def _explains(known: Cause, cause: Cause) -> bool:
@@ -196,7 +210,9 @@ def _unfit_images(material: Material) -> Iterator[Cause]:
     tested = material.figures.critical_value is not None
     chosen = (table["group"] == IMAGE_POINTS) & table["status"].isin([*TOOK_PART, "rejected"])
     own = table.loc[chosen, ["image", "status", "standardized"]]
-    bad = (own["status"] == "rejected") | (own["standardized"].abs() > _GROSS)
+    # What all images have in common, such as σ that are too small, is no image's mistake.
+    limit = _GROSS * np.fmax(1.0, _typical(own))
+    bad = (own["status"] == "rejected") | (own["standardized"].abs() > limit)
     places, names = pd.factorize(own["image"], sort=True)
     # Two rows a point, one a component: a point is rejected with both, and seldom beyond a limit in both.
     count = np.bincount(places, minlength=len(names)) / 2.0
@@ -206,26 +222,45 @@ def _unfit_images(material: Material) -> Iterator[Cause]:
     found = np.flatnonzero((unfit >= _LEAST_POINTS) & (share >= _LEAST_SHARE))
     for k in found[np.argsort(-share[found], kind="stable")].tolist():
         what = "were rejected" if tested else "have significant residuals"
+        remedy = "" if tested else ", or reject gross errors (adjustment.rejection)"
         sentence = (
             f"{unfit[k]:.0f} of its {count[k]:.0f} image points {what}. Check whether its name, its "
-            "orientation and its image points belong together."
+            f"orientation and its image points belong together{remedy}."
         )
         yield Cause(f"image {names[k]}", sentence, IMAGE_POINTS, frozenset([str(names[k])]))
 
 
 def _check_points(material: Material) -> Iterator[Cause]:
     """Check points farther from their given coordinates than their σ allow, if no finding moves them."""
-    if material.check_points.empty or material.figures.model_findings:
+    free, findings = material.figures.free_network, material.figures.model_findings
+    if material.check_points.empty or (free is not None and free.defect):
         return
-    table = material.differences(is_check=True)
+    # What a single observation moves is bounded, other findings may move every point.
+    if any(finding.quantity not in _SINGLE for finding in findings):
+        return
+    moved_by = sum(_moved_by_at_most(material, finding) for finding in findings)
+    table = material.differences(is_check=True).copy()
+    common = _common_shift(material, table)
     tests = int(table[[f"{axis}_ratio" for axis in AXES]].notna().to_numpy().sum())
-    limit = special.ndtri(1.0 - 0.5 * _ERROR_PROBABILITY / max(tests, 1))
-    for row in table[table["largest"] > limit].sort_values("largest", ascending=False).to_dict("records"):
-        size = ", ".join(
-            f"{axis} {_signed(row[f'{axis}_m'], '.3f')} m" for axis in AXES if row[f"{axis}_ratio"] > limit
-        )
+    limit = special.ndtri(1.0 - 0.5 * _ERROR_PROBABILITY / max(tests, 1)) + moved_by
+    if common:
+        size = ", ".join(f"{axis} {_signed(shift, '.3f')} m" for axis, shift in common.items())
         sentence = (
-            f"Computed − given {size}, {row['largest']:.1f} times its σ. Check its coordinates and its "
+            f"They differ alike: median of computed − given {size}. So many must have a common cause: check "
+            "datum, height system and survey of the check points against those of control and GNSS."
+        )
+        yield Cause("the check points", sentence)
+    for axis in AXES:
+        sigma = table[f"sigma_{axis}_m"].where(table[f"sigma_{axis}_m"] > 0.0)
+        table[f"{axis}_own"] = (table[f"{axis}_m"] - common.get(axis, 0.0)).abs() / sigma
+    table["own"] = table[[f"{axis}_own" for axis in AXES]].max(axis=1)
+    for row in table[table["own"] > limit].sort_values("own", ascending=False).to_dict("records"):
+        size = ", ".join(
+            f"{axis} {_signed(row[f'{axis}_m'], '.3f')} m" for axis in AXES if row[f"{axis}_own"] > limit
+        )
+        rest = " beside what all have in common" if common else ""
+        sentence = (
+            f"Computed − given {size}, {row['own']:.1f} times its σ{rest}. Check its coordinates and its "
             "measurement in the images."
         )
         yield Cause(f"check point {row['point']}", sentence, point=str(row["point"]))
@@ -234,6 +269,36 @@ def _check_points(material: Material) -> Iterator[Cause]:
 def _signed(value: float, form: str) -> str:
     """A number with its sign, the minus being that of all tables of the page."""
     return f"{value:+{form}}".replace("-", "−")
+
+
+def _moved_by_at_most(material: Material, finding: ModelFinding) -> float:
+    """By how many of its σ a wrong observation moves an adjusted coordinate at most: t √((1 − r)/r).
+
+    Its external reliability (Baarda 1968), for three components of the largest t.
+    """
+    table = material.residuals
+    names = table["point" if finding.quantity == "control_point" else "image"]
+    own = table[(table["group"] == _SINGLE[finding.quantity]) & (names == finding.entity)]
+    r = float(own["redundancy"].min())
+    return abs(finding.t) * np.sqrt(3.0 * (1.0 - r) / r) if r > 0.0 else np.inf
+
+
+def _common_shift(material: Material, table: pd.DataFrame) -> dict[str, float]:
+    """Median difference of the check points along each axis in which they differ alike, metres.
+
+    That their mean is beyond its limit can be the error of one of them, which does not move the median.
+    """
+    test = material.summary.check_point_test
+    if test is None:
+        return {}
+    found = {}
+    for k, axis in enumerate(AXES):
+        median, mean, limit = float(table[f"{axis}_m"].median()), test.mean_m[k], test.mean_limit_m[k]
+        if test.points[k] < _SEVERAL or mean is None or limit is None:
+            continue
+        if min(abs(mean), abs(median)) > limit:
+            found[axis] = median
+    return found
 
 
 def by_place(found: Sequence[Cause]) -> Mapping[str, tuple[str, ...]]:

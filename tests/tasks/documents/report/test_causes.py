@@ -284,6 +284,90 @@ def test_a_check_point_beyond_its_sigma_is_named_unless_a_finding_may_have_moved
         assert "dz +0.300 m, 10.0 times its σ" in found[0].sentence
 
 
+def _with_check_points(material: Material, dx: list[float], dz: list[float]) -> Material:
+    """With check points 11, 12, … of these differences, each with a σ of 3 cm."""
+    count = len(dx)
+    checks = pd.DataFrame(
+        {
+            "point": [f"{11 + k}" for k in range(count)],
+            "dx_m": dx,
+            "dy_m": [0.01] * count,
+            "dz_m": dz,
+            **{f"sigma_d{axis}_m": [0.03] * count for axis in "xyz"},
+            "rays": [4] * count,
+        }
+    )
+    rays = pd.DataFrame({"image": ["A1"], "point": ["11"]})
+    material = dataclasses.replace(material, check_points=checks, image_points=rays)
+    vars(material)["oriented"] = material.images.assign(gsd_m=0.1)
+    return material
+
+
+def _check_point_test(mean: list[float], limit: float, points: int) -> dict[str, JSON]:
+    three: list[JSON] = [limit] * 3
+    return {
+        "points": [points] * 3, "rmse_m": three, "predicted_rmse_m": three, "predicted_low_m": three,
+        "predicted_high_m": three, "ratio": three, "degrees_of_freedom": three, "mean_m": list(mean),
+        "mean_limit_m": three, "confidence": 0.95, "over_limit": 2.0,
+    }  # fmt: skip
+
+
+def test_check_points_that_differ_alike_are_one_cause_and_none_of_them_is_wrong_by_itself() -> None:
+    test = _check_point_test([-0.25, 0.01, 0.3], 0.03, 5)
+    shift = [-0.25, -0.24, -0.26, -0.27, -0.23]
+    material = _material(_residuals({}), {"check_point_test": test})
+    material = _with_check_points(material, shift, [0.3, 0.31, 0.29, 0.3, 0.9])
+    common, single = causes(material)
+    assert common.place == "the check points"
+    assert "computed − given dx −0.250 m, dz +0.300 m" in common.sentence
+    assert single.place == "check point 15"
+    assert "dz +0.900 m, 20.0 times its σ beside what all have in common" in single.sentence
+
+
+def test_one_wrong_check_point_that_moves_the_mean_is_no_common_cause() -> None:
+    test = _check_point_test([0.01, 0.01, 0.2], 0.03, 5)
+    material = _material(_residuals({}), {"check_point_test": test})
+    material = _with_check_points(material, [0.01] * 5, [0.01, -0.02, 1.0, 0.02, -0.01])
+    assert [cause.place for cause in causes(material)] == ["check point 13"]
+
+
+def test_a_free_network_says_nothing_against_check_points() -> None:
+    free: dict[str, JSON] = {"defect": 7, "open": ["scale"], "inner_constraints": "object_points"}
+    material = _material(_residuals({}), {"free_network": free})
+    assert causes(_with_check_points(material, [9.0] * 3, [9.0] * 3)) == ()
+
+
+@pytest.mark.parametrize(("dz", "named"), [(0.3, False), (2.0, True)])
+def test_a_check_point_is_named_beside_a_single_error_that_cannot_have_moved_it_so_far(
+    dz: float, named: bool
+) -> None:
+    # t = 9 and r = 0.6 move it by 9 √3 √(0.4/0.6) = 12.7 σ at most; it is off by 10 and 67.
+    finding = _finding("The position is wrong.", quantity="gnss_position", entity="B2", scope="all", part="")
+    material = _material(_residuals({}), {"model_findings": [finding]})
+    found = causes(_with_check_points(material, [0.01] * 3, [0.01, dz, 0.01]))
+    assert [cause.place for cause in found] == ["image B2", *(["check point 12"] if named else [])]
+
+
+def test_residuals_that_are_all_too_large_are_no_mistake_of_any_image() -> None:
+    residuals = _residuals({})
+    scatter = 8.0 * np.random.default_rng(1).standard_normal(len(residuals))
+    residuals["standardized"] = np.where(residuals["group"] == "image_points", scatter, 0.3)
+    assert causes(_material(residuals, {"critical_value": None})) == ()
+
+
+@pytest.mark.parametrize("all_of_them", [False, True])
+def test_that_a_group_does_not_fit_is_said_unless_a_few_of_it_explain_it(all_of_them: bool) -> None:
+    figure = GroupFigure(group="gnss_positions", observations=30, redundancy=20.0, sigma0=6.5)
+    words = str(misfit_words(figure))
+    finding = _finding("The position is wrong.", quantity="gnss_position", entity="B2", scope="all", part="")
+    residuals = _residuals({})
+    positions = residuals["group"] == "gnss_positions"
+    residuals.loc[positions & (all_of_them | (residuals["image"] == "B2")), "standardized"] = 6.0
+    figures: dict[str, JSON] = {"groups": [figure.to_json()], "model_findings": [finding]}
+    material = _material(residuals, figures, (words,))
+    assert remarks(material, causes(material)) == ((words,) if all_of_them else ())
+
+
 def test_what_concerns_one_place_stands_together_and_counts_once() -> None:
     both: list[JSON] = [_finding("It is shifted."), _finding("It is turned.", quantity="boresight", rank=2)]
     material = _material(_residuals({}), {"model_findings": both})
