@@ -25,6 +25,7 @@ _LEAST_REDUNDANCY = 10.0
 # Fewer rejected observations are gross errors, whatever part of their group they are.
 _SEVERAL = 3
 _MOST_NAMES, _MOST_PARAMETERS = 5, 8
+_UNCONTROLLED = "image coordinates are uncontrolled"
 _CONSTRAINED = {
     "object_points": "object points",
     "projection_centres": "projection centres",
@@ -92,15 +93,17 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
             yield rejected_control_words(figures.rejected_control)
         if names := figures.given_up_points:
             yield (
-                f"{len(names):,} object points were removed, because the wrong one of their image points "
-                f"cannot be identified: {some_names(names)}."
+                f"{_counted(len(names), 'object point was', 'object points were')} removed, because the "
+                f"wrong one of {'its' if len(names) == 1 else 'their'} image points cannot be identified: "
+                f"{some_names(names)}."
             )
     uncontrolled = figures.groups[0].uncontrolled if figures.groups else 0
     if uncontrolled:
         yield (
-            f"{uncontrolled:,} image coordinates are uncontrolled (redundancy number below {UNCONTROLLED:g}, "
-            "such as points with two rays along the base): a gross error in them would not be detected. "
-            "They were not tested."
+            f"{_counted(uncontrolled, 'image coordinate is uncontrolled', _UNCONTROLLED)} "
+            f"(redundancy number below {UNCONTROLLED:g}, such as points with two rays along the base): a "
+            f"gross error in {'it' if uncontrolled == 1 else 'them'} would not be detected. "
+            f"{'It was' if uncontrolled == 1 else 'They were'} not tested."
         )
 
 
@@ -149,9 +152,10 @@ def self_calibration_sentences(figures: AdjustmentFigures) -> Iterator[str]:
     if lost:
         names = ", ".join(dict.fromkeys(lost[:_MOST_PARAMETERS]))
         yield (
-            f"{len(lost)} additional parameters are not determinable in this block and were removed: {names}"
+            f"{_counted(len(lost), 'additional parameter is', 'additional parameters are')} not determinable "
+            f"in this block and {'was' if len(lost) == 1 else 'were'} removed: {names}"
             f"{' …' if len(lost) > _MOST_PARAMETERS else ''} (self_calibration.parquet lists the parameters "
-            "from which each cannot be separated)."
+            f"from which {'it' if len(lost) == 1 else 'each'} cannot be separated)."
         )
 
 
@@ -178,10 +182,16 @@ def trust_map_sentences(grid: TrustMapGrid | None) -> Iterator[str]:
         )
     elif grid.unmapped:
         yield (
-            f"{grid.unmapped:,} of the {grid.area_cells:,} cells of the area of the trust map are not "
-            "mapped: fewer than two images see them, or there are no object points around. They count as "
-            "exceeding every limit."
+            f"{grid.unmapped:,} of the {grid.area_cells:,} cells of the area of the trust map "
+            f"{'is' if grid.unmapped == 1 else 'are'} not mapped: fewer than two images see "
+            f"{'it' if grid.unmapped == 1 else 'them'}, or there are no object points around. "
+            f"{'It counts' if grid.unmapped == 1 else 'They count'} as exceeding every limit."
         )
+
+
+def _counted(number: int, one: str, several: str) -> str:
+    """A number with its words."""
+    return f"{number:,} {one if number == 1 else several}"
 
 
 def some_names(names: Sequence[str], most: int = _MOST_NAMES) -> str:

@@ -106,8 +106,11 @@ def cards(material: Material) -> tuple[Card, ...]:
 
 def _independent(material: Material) -> Card:
     """RMS at check points; without any, at control points, with a warning."""
-    summary = material.summary
-    values, what = summary.rmse_check_m, f"RMS at {summary.counts.check} check points: east, north, up"
+    summary, free = material.summary, material.figures.free_network
+    points = "check point" if summary.counts.check == 1 else "check points"
+    values, what = summary.rmse_check_m, f"RMS at {summary.counts.check} {points}: east, north, up"
+    if free is not None and free.defect:
+        what += "; no accuracy, because the datum is not determined"
     if values is None or not summary.counts.check:
         values, what = (
             summary.rmse_control_m,

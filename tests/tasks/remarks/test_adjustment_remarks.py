@@ -95,6 +95,24 @@ def test_rejections_name_control_points_and_given_up_points() -> None:
     assert only == uncontrolled
 
 
+def test_a_single_one_is_spoken_of_as_one() -> None:
+    rays = GroupFigure(group="image_points", observations=100, rejected=1, uncontrolled=1)
+    figures = AdjustmentFigures(groups=(rays,), critical_value=4.13, taken_back=1, given_up_points=("P7",))
+    rejected, given_up, uncontrolled = rejection_sentences(figures)
+    assert "1 that had been rejected was accepted again" in rejected
+    assert given_up == (
+        "1 object point was removed, because the wrong one of its image points cannot be identified: P7."
+    )
+    assert uncontrolled.startswith("1 image coordinate is uncontrolled (")
+    assert uncontrolled.endswith("a gross error in it would not be detected. It was not tested.")
+    lost = SelfCalibrationFigures(
+        parameters="brown", elimination="none", offered=5, kept=4, not_determinable=("brown:K3",)
+    )
+    (sentence,) = self_calibration_sentences(AdjustmentFigures(self_calibration=lost))
+    assert sentence.startswith("1 additional parameter is not determinable in this block and was removed: ")
+    assert sentence.endswith("lists the parameters from which it cannot be separated).")
+
+
 def test_parameters_that_cannot_be_determined_are_counted_and_named() -> None:
     lost = SelfCalibrationFigures(
         parameters="bluh:1-12",
@@ -121,7 +139,8 @@ def test_datum_events_and_trust_map() -> None:
     grid = {"west_m": 0.0, "north_m": 0.0, "cell_m": 1.0, "rows": 2, "columns": 2, "sigma_image_um": 1.0}
     mapped = TrustMapGrid.model_validate({**grid, "added_pairs": 0, "cells": 3, "area_cells": 4})
     (unmapped,) = trust_map_sentences(mapped)
-    assert unmapped.startswith("1 of the 4 cells")
+    assert unmapped.startswith("1 of the 4 cells of the area of the trust map is not mapped: fewer than two")
+    assert unmapped.endswith("It counts as exceeding every limit.")
     (none,) = trust_map_sentences(None)
     assert none.startswith("There is no trust map")
 
@@ -203,6 +222,9 @@ def test_systematic_means_and_correlated_neighbours_are_named_by_camera() -> Non
     systematic, neighbours = residual_grid_sentences(ResidualGridFigure(cameras=(grid,)), rows)
     assert "camera A: up to 1.2 µm in sub-areas of the image, significant in 20 % of 600" in systematic
     assert "camera A are correlated (up to 0.21 below 4 mm)" in neighbours
+    few = rows.assign(correlation=[0.11, 1.14, 0.6, 0.3])
+    _, neighbours = residual_grid_sentences(ResidualGridFigure(cameras=(grid,)), few)
+    assert "camera A are correlated (up to 1.00 below 4 mm)" in neighbours
     by_chance = grid.model_copy(update={"significant": 51})
     assert not [*residual_grid_sentences(ResidualGridFigure(cameras=(by_chance,)), rows[3:])]
 

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from tasks.document_kit.table import Row, Table
 from tasks.documents.report.causes import by_place, causes, remarks
-from tasks.documents.report.first_screen import places, ring_id
+from tasks.documents.report.first_screen import cards, places, ring_id
 from tasks.documents.report.key_figures import verdict
 from tasks.documents.report.material import Material
 from tasks.files.json_text import JSON
@@ -335,6 +335,16 @@ def test_a_free_network_says_nothing_against_check_points() -> None:
     free: dict[str, JSON] = {"defect": 7, "open": ["scale"], "inner_constraints": "object_points"}
     material = _material(_residuals({}), {"free_network": free})
     assert causes(_with_check_points(material, [9.0] * 3, [9.0] * 3)) == ()
+
+
+def test_the_first_screen_says_what_a_difference_at_check_points_is_worth() -> None:
+    figures: dict[str, JSON] = {"rmse_check_m": [0.01, 0.02, 0.03], "counts": {"check": 1}}
+    assert cards(_material(_residuals({}), figures))[2].words == "RMS at 1 check point: east, north, up"
+    free: dict[str, JSON] = {"defect": 7, "open": ["scale"], "inner_constraints": "object_points"}
+    figures |= {"free_network": free, "counts": {"check": 4}}
+    assert cards(_material(_residuals({}), figures))[2].words == (
+        "RMS at 4 check points: east, north, up; no accuracy, because the datum is not determined"
+    )
 
 
 @pytest.mark.parametrize(("dz", "named"), [(0.3, False), (2.0, True)])
