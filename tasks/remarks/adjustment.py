@@ -44,10 +44,20 @@ def global_test_sentences(figures: AdjustmentFigures, sigma0: float, redundancy:
 
 def global_test_words(sigma0: float, test: GlobalTestFigure) -> str:
     """A sentence that the global test fails."""
+    found, lower, upper = beside_limits(sigma0, test.lower or 0.0, test.upper or 0.0)
     return (
-        f"The global test fails: σ0 is {sigma0:.3f}, expected from the stated σ: {test.lower:.3f} to "
-        f"{test.upper:.3f} ({100 * test.confidence:g} %)."
+        f"The global test fails: σ0 is {found}, expected from the stated σ: {lower} to "
+        f"{upper} ({100 * test.confidence:g} %)."
     )
+
+
+def beside_limits(value: float, *limits: float) -> tuple[str, ...]:
+    """A number and its limits with three decimals; with more where it would look like one of them."""
+    for decimals in range(3, 7):
+        words = tuple(f"{number:.{decimals}f}" for number in (value, *limits))
+        if words[0].lstrip("-") not in words[1:]:
+            break
+    return words
 
 
 def group_sentences(figures: AdjustmentFigures) -> Iterator[str]:

@@ -9,6 +9,7 @@ import pandas as pd
 
 from adjust.arrays import Bools
 from tasks.evaluation.distance_residuals import over_limit
+from tasks.remarks.adjustment import beside_limits
 from tasks.results.summary import CheckPointTest
 
 _WAYS = ("east", "north", "up")
@@ -24,16 +25,19 @@ def check_point_sentences(test: CheckPointTest | None) -> Iterator[str]:
     with_probability = f"{100 * test.confidence:g} % for all directions together"
     beyond = [
         *(
-            f"RMS {_WAYS[k]} {rms[k]:.3f} m, expected {low[k]:.3f} to {high[k]:.3f} m"
+            "RMS {} {} m, expected {} to {} m".format(_WAYS[k], *beside_limits(rms[k], low[k], high[k]))
             for k in _where(rms > high)
         ),
         *(
-            f"mean {_WAYS[k]} {mean[k]:+.3f} m, expected within ±{limit[k]:.3f} m"
+            "mean {} {}{} m, expected within ±{} m".format(
+                _WAYS[k], "+" if mean[k] > 0.0 else "", *beside_limits(mean[k], limit[k])
+            )
             for k in _where(np.abs(mean) > limit)
         ),
     ]
     small = [
-        f"{_WAYS[k]} {rms[k]:.3f} m, expected {low[k]:.3f} to {high[k]:.3f} m" for k in _where(rms < low)
+        "{} {} m, expected {} to {} m".format(_WAYS[k], *beside_limits(rms[k], low[k], high[k]))
+        for k in _where(rms < low)
     ]
     if beyond:
         yield (

@@ -12,6 +12,7 @@ from tasks.documents.report.causes import Cause, by_place
 from tasks.documents.report.figures import gate_words
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.quantities import group_words, unit_words
+from tasks.remarks.adjustment import beside_limits
 from tasks.results.quality_gates import GateResult
 
 Tone: TypeAlias = Literal["good", "attention", "failed"]
@@ -63,7 +64,8 @@ def _test_words(material: Material) -> tuple[str, bool]:
     sigma0, test = material.summary.sigma0, material.figures.global_test
     if sigma0 is None or test is None or test.lower is None or test.upper is None:
         return "nothing could be tested because the block has no redundancy", False
-    limits = f"σ0 = {sigma0:.3f}, allowed {test.lower:.3f} to {test.upper:.3f}, {100 * test.confidence:g} %"
+    found, lower, upper = beside_limits(sigma0, test.lower, test.upper)
+    limits = f"σ0 = {found}, allowed {lower} to {upper}, {100 * test.confidence:g} %"
     others = _other_sigmas(material)
     if test.passed:
         sigmas = "the estimated σ, not with all stated ones" if others else "the stated σ"

@@ -14,6 +14,7 @@ from tasks.remarks.adjustment import (
     shared_moment_sentences,
     trust_map_sentences,
 )
+from tasks.remarks.independent_checks import check_point_sentences
 from tasks.remarks.observation_sigmas import correlation_time_sentences, variance_sentences
 from tasks.remarks.residual_grid import residual_grid_sentences
 from tasks.results.figures import (
@@ -31,6 +32,7 @@ from tasks.results.figures import (
     VarianceFigures,
     figures_of,
 )
+from tasks.results.summary import CheckPointTest
 
 
 def control(**changed: float) -> GroupFigure:
@@ -45,6 +47,29 @@ def test_a_sound_adjustment_gives_no_sentence() -> None:
     assert not [*rejection_sentences(figures), *self_calibration_sentences(figures)]
     assert not [*variance_sentences(None), *correlation_time_sentences(None)]
     assert not [*free_network_sentences(None), *shared_moment_sentences(None)]
+
+
+def test_a_number_beyond_its_limit_does_not_look_like_it() -> None:
+    failed = GlobalTestFigure(lower=0.9, upper=1.0352, confidence=0.95, passed=False)
+    (sentence,) = global_test_sentences(AdjustmentFigures(global_test=failed), 1.0354, 25.0)
+    assert "σ0 is 1.0354, expected from the stated σ: 0.9000 to 1.0352" in sentence
+    three = (0.02, 0.02, 0.02)
+    test = CheckPointTest(
+        points=(8, 8, 8),
+        rmse_m=(0.03931, 0.02, 0.02),
+        predicted_rmse_m=three,
+        predicted_low_m=(0.009, 0.009, 0.009),
+        predicted_high_m=(0.0391, 0.0391, 0.0391),
+        ratio=(2.0, 1.0, 1.0),
+        degrees_of_freedom=(8.0, 8.0, 8.0),
+        mean_m=(-0.02504, 0.0, 0.0),
+        mean_limit_m=(0.025, 0.025, 0.025),
+        confidence=0.95,
+        over_limit=1.01,
+    )
+    (sentence,) = check_point_sentences(test)
+    assert "RMS east 0.0393 m, expected 0.0090 to 0.0391 m" in sentence
+    assert "mean east -0.02504 m, expected within ±0.02500 m" in sentence
 
 
 def test_no_redundancy_is_named_before_a_failed_test() -> None:
