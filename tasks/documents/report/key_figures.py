@@ -184,10 +184,18 @@ def gate_table(gates: Sequence[GateResult]) -> Table:
     """The limits of the project, and whether they are met."""
     shown = (
         text_of("gate", "limit of", lambda gate: gate_words(gate.name)),
-        number_of("value", "value", decimals=3),
+        number_of("value", "value", decimals=_digits),
         text_of("bound", "", lambda gate: "≤" if gate.bound == "max" else "≥"),
-        number_of("limit", "limit", decimals=3),
+        number_of("limit", "limit", decimals=_digits),
         text_of("unit", "unit", lambda gate: unit_words(gate.unit)),
         flag_of("passed", "verdict", "met", "not met"),
     )
     return table_of("gates", "Limits set in the project", shown, gates, "{name}:{bound}")
+
+
+def _digits(gate: GateResult) -> int:
+    """Decimals that show the whole limit, and a value beyond it as another number."""
+    limit = len(f"{gate.limit:.6f}".rstrip("0").partition(".")[2])
+    words = beside_limits(gate.limit if gate.value is None else gate.value, gate.limit)
+    beyond = 0 if gate.passed or gate.value is None else len(words[0].partition(".")[2])
+    return max(3, limit, beyond)

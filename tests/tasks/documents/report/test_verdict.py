@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pandas as pd
 import pytest
 
 from tasks.documents.report.figures import gate_words
-from tasks.documents.report.key_figures import Verdict, verdict
+from tasks.documents.report.key_figures import Verdict, gate_table, verdict
 from tasks.documents.report.material import Material
 from tasks.files.json_text import JSON
 from tasks.quantities import group_words
+from tasks.results.quality_gates import GateResult
 from tasks.results.summary import summary_of
 from tasks.settings.project import Project
 from tasks.settings.quality import Gates
@@ -37,6 +40,25 @@ def _verdict(
     summary = summary_of([Notes((), figures)], Gates.model_validate(gates), {})
     project = Project.model_construct()
     return verdict(Material(project, summary, {}, *[NOTHING] * 15))
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "bound", "shown"),
+    [
+        (0.0504, 0.05, "max", ("0.0504", "0.0500")),
+        (0.05, 0.05, "max", ("0.050", "0.050")),
+        (0.02, 0.0005, "min", ("0.0200", "0.0005")),
+        (0.0004, 0.001, "min", ("0.000", "0.001")),
+        (None, 0.0025, "max", ("–", "0.0025")),
+    ],
+)
+def test_a_limit_is_shown_whole_and_a_value_beyond_it_never_as_the_limit(
+    value: float | None, limit: float, bound: Literal["max", "min"], shown: tuple[str, str]
+) -> None:
+    kept = value is not None and (value <= limit if bound == "max" else value >= limit)
+    gate = GateResult(name="sigma0", value=value, limit=limit, unit="1", bound=bound, passed=kept)
+    (row,) = gate_table([gate]).rows
+    assert (str(row.cells[1]), str(row.cells[3])) == shown
 
 
 LIMITS = (0.98, 1.02)
