@@ -90,6 +90,11 @@ class Search:
         points = self.given_up & ~self.returned_points
         return fitting_again(self.adjusted, self.given, once, points, rule)
 
+    def leaves_out_the_same_as(self, other: Search) -> bool:
+        """Whether the same observations and object points are left out."""
+        masks = zip((*self.rejected, self.given_up), (*other.rejected, other.given_up), strict=True)
+        return all(np.array_equal(one, its) for one, its in masks)
+
     def remaining(self) -> Observations:
         """The remaining observations."""
         return without_rejected(self.given, Rejection(self.rejected, self.given_up))

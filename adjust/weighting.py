@@ -116,12 +116,13 @@ def estimate_weights(adjuster: Adjuster, search: Search, rule: SnoopingRule | No
         if np.all(np.abs(step - 1.0) < _ROUGHLY):
             break
         found = found.changed(adjuster, step)
-    for _ in range(_MOST_TURNS):
-        before = found
-        found = replace(found, search=snoop(adjuster, found.search, rule))
-        found = _settled(adjuster, found)
-        if found.search.per_pass == before.search.per_pass:
+    for number in range(_MOST_TURNS):
+        search = snoop(adjuster, found.search, rule)
+        unchanged = search.leaves_out_the_same_as(found.search)
+        found = replace(found, search=search)
+        if unchanged and number > 0:  # the first search has not seen the settled weights
             return found
+        found = _settled(adjuster, found)
     raise InconsistentBlockError(
         f"After {_MOST_TURNS} turns variance components and rejection at {rule.critical_value} still change "
         "each other. The critical value is too small, or the residuals are far from normally distributed."

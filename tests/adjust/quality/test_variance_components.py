@@ -27,7 +27,7 @@ from adjust.quality.variance_components import (
     trace_matrix,
     variance_factors,
 )
-from adjust.result import AdjustmentResult
+from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
 from adjust.simulate.object_points import PointSpecification
@@ -168,6 +168,19 @@ def test_gross_errors_and_wrong_weights_are_told_apart(large: SimulatedBlock) ->
     for name, (_, lower, upper, redundancy) in found_over_true(result).items():
         if redundancy >= 100.0:
             assert lower < 1.0 < upper, name
+
+
+def test_nothing_above_the_critical_value_is_left_at_the_settled_weights() -> None:
+    """Medians within a tenth of the stated σ leave them, and there every |w| is smaller than at the end."""
+    scene = two_strips(noise_seed=31, start_seed=4)
+    stated = wrongly_weighted(scene.observations, {"image_points": 1.08})
+    everything = estimated(scene.block, stated, critical_value=50.0)
+    largest = np.nanmax(np.abs(everything.groups[0].standardized))
+    result = estimated(scene.block, stated, critical_value=0.99 * largest)
+    assert result.rejected_per_pass[0] > 0
+    for group in result.groups:
+        controlled = group.status == ObservationStatus.USED
+        assert np.abs(group.standardized[controlled]).max(initial=0.0) <= 0.99 * largest
 
 
 def noisier(values: Floats, chosen: Ints, sigma: Floats, ratio: float, seed: int) -> Floats:
