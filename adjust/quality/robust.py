@@ -84,7 +84,7 @@ def robust_rejection(
 ) -> Rejection:
     """Outliers of a robust adjustment: the largest of every object point and image."""
     state, observations = adjusted.state, adjusted.observations
-    studentized = _studentized(observations, state, adjusted.residuals)
+    studentized = studentized(observations, state, adjusted.residuals)
     factors = tuple(np.ones(len(w)) for w in studentized)
     for number in range(_MOST_ROUNDS):
         weigh = WEIGHT_FUNCTIONS[function]
@@ -97,7 +97,7 @@ def robust_rejection(
             break
         system = adjusted.system.remaining(_weighted_down(observations, factors))
         state = converge(system, state, _STEPS, adjuster.progress, may_stall=True).state
-        studentized = _studentized(observations, state, adjusted.residuals)
+        studentized = studentized(observations, state, adjusted.residuals)
     largest = max((float(w.max(initial=0.0)) for w in studentized), default=0.0)
     least = max(rule.critical_value, _SWAMPED * largest)
     return choose(observations, state, studentized, tuple(np.full(len(w), least) for w in studentized))
@@ -114,7 +114,7 @@ def _weighted_down(observations: Observations, factors: tuple[Floats, ...]) -> O
     )
 
 
-def _studentized(
+def studentized(
     observations: Observations, state: State, ordinary: tuple[GroupResiduals, ...]
 ) -> tuple[Floats, ...]:
     """Largest controlled |w| of every observation (n,), its cofactor that of the ordinary adjustment."""
@@ -127,7 +127,10 @@ def _of_group(group: ObservationGroup, state: State, ordinary: GroupResiduals) -
     model = group.stochastic
     misclosure = np.where(model.present, np.nan_to_num(group.linearize(state).misclosure), 0.0)
     controlled = (np.nan_to_num(ordinary.control) >= UNCONTROLLED) & model.present
-    # 1/√(P Q_vv P)_ii, with which P v is v/(σ √r) where nothing is correlated.
-    spread = np.where(controlled, np.nan_to_num(ordinary.detectable) / NON_CENTRALITY, 0.0)
+    # 1/√(P Q_vv P)_ii, with which P v is v/(σ √r) where nothing is correlated; errors of considered
+    # parameters, which make ∇₀ larger, make it smaller.
+    with np.errstate(invalid="ignore"):
+        inverse = NON_CENTRALITY * model.sigma**2 / (ordinary.control * ordinary.detectable)
+    spread = np.where(controlled, inverse, 0.0)
     largest: Floats = (np.abs(model.weighted(misclosure)) * spread).max(axis=1)
     return largest

@@ -32,6 +32,7 @@ from adjust.quality.control_checks import k_fold, leave_one_out
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.quality.model_alternatives import ParameterAlternative
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
+from adjust.quality.robust import studentized
 from adjust.solve.design_matrix import (
     DesignMatrix,
     design_matrix,
@@ -426,3 +427,13 @@ def test_the_statistic_has_the_distribution_it_is_compared_with() -> None:
     low, high = stats.chi2.ppf([5e-4, 1.0 - 5e-4], 2000 * freedom) / 2000
     assert low < np.mean([item.statistic for item in drawn]) < high
     assert 0.035 < np.mean([item.probability < 0.05 for item in drawn]) < 0.065
+
+
+def test_robust_estimation_begins_with_the_statistics_of_the_ordinary_adjustment() -> None:
+    scene = two_strips(noise_seed=3, additional=True)
+    block = replace(scene.block, considered=known())
+    system = System.of(block, scene.observations)
+    adjusted = Adjuster(AdjustmentOptions()).adjust(system, block.approximate_state())
+    found = studentized(adjusted.observations, adjusted.state, adjusted.residuals)
+    for own, expected in zip(found, snooping_statistics(adjusted, SnoopingRule(3.29)), strict=True):
+        np.testing.assert_allclose(own, expected, atol=1e-9)
