@@ -116,7 +116,7 @@ def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats,
     for group, item, pull, remainder in zip(
         adjusted.observations.groups, adjusted.residuals, pulls, remainders, strict=True
     ):
-        if isinstance(group, JointPrior):  # many parameters, and no single one could be gross
+        if not could_be_gross(group):  # of any number of parameters
             results.append(_of_components(item, variance))
             continue
         statistic, dimension = directional_statistic(pull, of_present(group.stochastic, remainder))
@@ -150,15 +150,22 @@ def _least(
     """What the statistic of every observation (n,) of every group has to exceed to be rejected in this pass.
 
     A wrong image point raises the statistics of its image; elsewhere it shows by a small part only. Of the
-    other observations, each of which holds many images, the largest counts everywhere.
+    other observations, each of which holds many images, the largest counts everywhere; what is known
+    beforehand of a parameter counts for image points like one of another image.
     """
     of_rays, image = statistics[0], observations.image_points.image
-    others = max((float(item.max(initial=0.0)) for item in statistics[1:]), default=0.0)
-    everywhere = max(critical_value, _SWAMPED * others, _SWAMPED_FAR * float(of_rays.max(initial=0.0)))
+    largest_of = [float(item.max(initial=0.0)) for item in statistics]
+    largest = max(largest_of)
+    of_others = (
+        value
+        for group, value in zip(observations.others, largest_of[1:], strict=True)
+        if could_be_gross(group)
+    )
+    # Nothing takes away what is known beforehand, so what it swamps would hide gross errors for good.
+    everywhere = max(critical_value, _SWAMPED * max(of_others, default=0.0), _SWAMPED_FAR * largest)
     suspicious = of_rays > critical_value
     of_image = np.zeros(1 + int(image.max(initial=0)))
     np.maximum.at(of_image, image[suspicious], of_rays[suspicious])
-    largest = max(others, float(of_rays.max(initial=0.0)))
     least_of_others = max(critical_value, _SWAMPED * largest)
     return (
         np.maximum(everywhere, _SWAMPED * of_image[image]),
@@ -166,18 +173,23 @@ def _least(
     )
 
 
-def choose(
-    observations: Observations, state: State, statistics: tuple[Floats, ...], least: tuple[Floats, ...]
-) -> Rejection:
-    """The largest observation of every object point and event whose statistic exceeds a value of its own.
+def could_be_gross(group: ObservationGroup) -> bool:
+    """Whether observations of a group may be rejected.
 
     What is known beforehand of a parameter is not an observation that could be gross: it contradicts, or not.
     """
+    return not isinstance(group, DirectObservations | JointPrior)
+
+
+def choose(
+    observations: Observations, state: State, statistics: tuple[Floats, ...], least: tuple[Floats, ...]
+) -> Rejection:
+    """The largest observation of every object point and event whose statistic exceeds a value of its own."""
     groups = observations.groups
     candidates = [
         (-float(statistics[g][i]), g, int(i))
         for g, group in enumerate(groups)
-        if not isinstance(group, DirectObservations | JointPrior)
+        if could_be_gross(group)
         for i in np.flatnonzero(statistics[g] > least[g])
     ]
     rejected = tuple(np.zeros(len(group.event), dtype=bool) for group in groups)

@@ -10,12 +10,16 @@ import pytest
 
 from adjust.adjustment import adjust_block
 from adjust.errors import InconsistentBlockError
+from adjust.least_squares import Adjuster
+from adjust.observations.base import StochasticModel
+from adjust.observations.direct import DirectObservations
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
-from adjust.parameters import BORESIGHT
+from adjust.parameters import ADDITIONAL_PARAMETERS, BORESIGHT, INTERIOR_ORIENTATION
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
+from adjust.quality.rejection import SnoopingRule, snooping_statistics
 from adjust.result import AdjustmentResult, ObservationStatus
-from adjust.solve.system import Observations
+from adjust.solve.system import Observations, System
 from tests.adjust.scenes import MICROMETRE, Scene, two_strips
 
 CRITICAL = 4.13
@@ -222,3 +226,41 @@ def test_a_critical_value_far_too_small_is_refused_instead_of_eating_the_block()
         InconsistentBlockError, match=r"above 0\.5\. σ0 of what is left: image points [01]\.\d\d"
     ):
         adjust_block(given.block, given.observations, options)
+
+
+@pytest.mark.parametrize("test", ["components", "observations"])
+def test_a_prior_that_contradicts_hides_no_gross_error_for_good(test: Any) -> None:
+    """It cannot be rejected, so a limit of seven tenths of its value would stay."""
+    given = scene(
+        free={BORESIGHT: True, INTERIOR_ORIENTATION: True}, priors={INTERIOR_ORIENTATION: 10 * MICROMETRE}
+    )
+    *others, prior = given.observations.others
+    assert isinstance(prior, DirectObservations)
+    wrong = replace(prior, given=prior.given + np.array([0.0, 150 * MICROMETRE, 0.0]))
+    given = replace(given, observations=replace(given.observations, others=(*others, wrong)))
+    ray = first_ray(given, 5)
+    damaged = with_ray_error(given, ray, (20 * MICROMETRE, 0.0))
+    options = AdjustmentOptions(critical_value=CRITICAL, test=test)
+    result = adjust_block(damaged.block, damaged.observations, options)
+    largest = np.nanmax(np.abs(result.groups[-1].standardized))
+    assert 10.0 < largest < CRITICAL / 0.2
+    assert rejected_rays(result) == [ray]
+
+
+def test_a_prior_of_many_parameters_that_fits_is_not_suspicious() -> None:
+    """Its T has as many degrees of freedom; as that of fewer it would look large and shield others."""
+    given = scene(additional=True, free={ADDITIONAL_PARAMETERS: True})
+    family = next(item.family for item in given.block.system if item.family.name == ADDITIONAL_PARAMETERS)
+    true = given.truth.system[ADDITIONAL_PARAMETERS]
+    assert true.shape[1] > 3
+    sigma = np.full(true.shape, 10.0)
+    off = true + 1.5 * sigma * np.where(np.arange(true.shape[1]) % 2, 1.0, -1.0)
+    prior = DirectObservations(family, np.arange(len(true)), off, StochasticModel.from_sigma(sigma))
+    observations = replace(given.observations, others=(*given.observations.others, prior))
+    adjusted = Adjuster(AdjustmentOptions()).adjust(
+        System.of(given.block, observations), given.block.approximate_state()
+    )
+    statistics = snooping_statistics(adjusted, SnoopingRule(CRITICAL, "observations"))
+    largest = np.nanmax(np.abs(adjusted.residuals[-1].standardized))
+    assert largest < 2.0
+    np.testing.assert_allclose(statistics[-1].max(), largest, rtol=1e-12)
