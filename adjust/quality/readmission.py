@@ -165,9 +165,10 @@ def _predicted(
     considered : (n, m, m) what errors of considered parameters add to them.
     whitener : (n, m, m) or (1, m, m) W; w is a component of Wᵀ z over its root mean square.
     """
+    absent = np.diagonal(outside, axis1=1, axis2=2) == 0.0
+    whole = outside + absent[:, :, None] * np.eye(outside.shape[1])
     if rule.test == "components":
-        absent = np.diagonal(outside, axis1=1, axis2=2) == 0.0
-        inverse = np.linalg.inv(outside + absent[:, :, None] * np.eye(outside.shape[1]))
+        inverse = np.linalg.inv(whole)
         spread = inverse + inverse @ considered @ inverse
         transposed = np.swapaxes(whitener, 1, 2)
         back = np.abs((transposed @ (inverse @ pull[:, :, None]))[:, :, 0])
@@ -178,11 +179,13 @@ def _predicted(
         squares, dimension = directional_statistic(pull, outside + considered)
     if variance is None:
         return normal_equivalent(squares, dimension)
+    # With the observation back, vᵀPv and the redundancy would be larger by just these.
+    more = np.einsum("ni,ni->n", pull, np.linalg.solve(whole, pull[:, :, None])[:, :, 0])
+    present = np.sum(~absent, axis=1)
     statistics = np.zeros(len(squares))
     for i in range(len(squares)):
-        # With the observation back, vᵀPv would be larger by just this.
         with_it = EstimatedVariance(
-            variance.weighted_squares + float(squares[i]), variance.redundancy + int(dimension[i])
+            variance.weighted_squares + float(more[i]), variance.redundancy + int(present[i])
         )
         statistics[[i]] = normal_equivalent(squares[[i]], dimension[[i]], with_it)
     return statistics

@@ -141,9 +141,10 @@ def test_sound_rays_of_one_point_come_back_one_after_the_other(test: Any) -> Non
 
 
 @pytest.mark.parametrize("test", ["components", "observations"])
+@pytest.mark.parametrize("reference", ["a_priori", "a_posteriori"])
 @pytest.mark.parametrize("correlation_s", [None, 10.0, 200.0])
 def test_a_lone_observation_has_the_same_statistic_inside_and_outside(
-    correlation_s: float | None, test: Any
+    correlation_s: float | None, reference: Any, test: Any
 ) -> None:
     """Deleting it multiplies v by 1/r and its cofactor likewise: w stays.
 
@@ -153,16 +154,18 @@ def test_a_lone_observation_has_the_same_statistic_inside_and_outside(
     observations = scene.observations
     adjuster = Adjuster(AdjustmentOptions())
     adjusted = adjuster.adjust(System.of(scene.block, observations), scene.block.approximate_state())
-    rule = SnoopingRule(4.13, test)
+    rule = SnoopingRule(4.13, test, reference)
     statistics = snooping_statistics(adjusted, rule)
     # No other ray of their point is above the critical values below when they are back.
     first, second = (ray + int(np.argmax(statistics[0][ray : ray + 5])) for ray in rays_of_many(scene))
-    for group, row in ((0, first), (0, second), (2, 4), (2, 3), (3, 6)):
+    # Whether other rays suffer is asked of σ0 alone, which at values this small is not the τ-test.
+    of_rays = [(0, first), (0, second)] if reference == "a_priori" else []
+    for group, row in (*of_rays, (2, 4), (2, 3), (3, 6)):
         inside = float(statistics[group][row])
         rejected = tuple(np.zeros(len(item.event), dtype=bool) for item in observations.groups)
         rejected[group][row] = True
         search = replace(Search.start(observations, adjusted), rejected=rejected)
         search = replace(search, adjusted=adjuster.again(adjusted, search.remaining()))
-        for value, comes in ((0.99 * inside, 0), (1.01 * inside, 1)):
+        for value, comes in ((0.999 * inside, 0), (1.001 * inside, 1)):
             found = search.fitting_again(replace(rule, critical_value=value))
             assert found.count == comes, (group, row)
