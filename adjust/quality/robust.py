@@ -84,11 +84,11 @@ def robust_rejection(
 ) -> Rejection:
     """Outliers of a robust adjustment: the largest of every object point and image."""
     state, observations = adjusted.state, adjusted.observations
-    studentized = studentized(observations, state, adjusted.residuals)
-    factors = tuple(np.ones(len(w)) for w in studentized)
+    statistics = studentized(observations, state, adjusted.residuals)
+    factors = tuple(np.ones(len(w)) for w in statistics)
     for number in range(_MOST_ROUNDS):
         weigh = WEIGHT_FUNCTIONS[function]
-        following = tuple(np.maximum(weigh(w, number), _LEAST) for w in studentized)
+        following = tuple(np.maximum(weigh(w, number), _LEAST) for w in statistics)
         change = max(
             (float(np.max(np.abs(a - b), initial=0.0)) for a, b in zip(factors, following, strict=True))
         )
@@ -97,10 +97,10 @@ def robust_rejection(
             break
         system = adjusted.system.remaining(_weighted_down(observations, factors))
         state = converge(system, state, _STEPS, adjuster.progress, may_stall=True).state
-        studentized = studentized(observations, state, adjusted.residuals)
-    largest = max((float(w.max(initial=0.0)) for w in studentized), default=0.0)
+        statistics = studentized(observations, state, adjusted.residuals)
+    largest = max((float(w.max(initial=0.0)) for w in statistics), default=0.0)
     least = max(rule.critical_value, _SWAMPED * largest)
-    return choose(observations, state, studentized, tuple(np.full(len(w), least) for w in studentized))
+    return choose(observations, state, statistics, tuple(np.full(len(w), least) for w in statistics))
 
 
 def _weighted_down(observations: Observations, factors: tuple[Floats, ...]) -> Observations:

@@ -13,7 +13,7 @@ from tasks.deliveries.declared_exposures import ONE_MOMENT_S
 from tasks.errors import InputError
 from tasks.settings.adjustment import AdjustmentSettings
 
-# No strip takes half a day: seconds of the day or week have begun anew, or a name is used on several days.
+# No strip takes half a day: seconds of day or week start from zero again, or several days share a name.
 _LONGEST_STRIP_S = 43_200.0
 # What has velocities needs neither strips nor times for a time offset.
 _OR_TRAJECTORY = {
@@ -117,9 +117,9 @@ def _require_one_day(given: GivenOrientations, entity: str) -> None:
         if apart >= _LONGEST_STRIP_S:
             raise InputError(
                 f"The times of images {given.image[first]} and {given.image[last]} of strip "
-                f"{given.strip[first]} are {apart:,.0f} s apart: seconds of the day or week have begun anew, "
-                "or several flights use the name of the strip.",
-                "Add 86400 or 604800 to the times that begin anew, or add a flight column to the exposures.",
+                f"{given.strip[first]} are {apart:,.0f} s apart: seconds of the day or week start from zero "
+                "again, or several flights use the name of the strip.",
+                "Add 86400 or 604800 to the times after that, or add a flight column to the exposures.",
                 entity=entity,
             )
 

@@ -258,7 +258,7 @@ def _check_points(material: Material) -> Iterator[Cause]:
         size = ", ".join(
             f"{axis} {_signed(row[f'{axis}_m'], '.3f')} m" for axis in AXES if row[f"{axis}_own"] > limit
         )
-        rest = " beside what all have in common" if common else ""
+        rest = " in addition to what all have in common" if common else ""
         sentence = (
             f"Computed − given {size}, {row['own']:.1f} times its σ{rest}. Check its coordinates and its "
             "measurement in the images."

@@ -321,7 +321,7 @@ def test_check_points_that_differ_alike_are_one_cause_and_none_of_them_is_wrong_
     assert common.place == "the check points"
     assert "computed − given dx −0.250 m, dz +0.300 m" in common.sentence
     assert single.place == "check point 15"
-    assert "dz +0.900 m, 20.0 times its σ beside what all have in common" in single.sentence
+    assert "dz +0.900 m, 20.0 times its σ in addition to what all have in common" in single.sentence
 
 
 def test_one_wrong_check_point_that_moves_the_mean_is_no_common_cause() -> None:
