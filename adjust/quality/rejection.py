@@ -22,6 +22,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
 from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
+from adjust.observations.distance import Distances
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import OBJECT_POINT, State
@@ -248,6 +249,8 @@ def _undetermined(observations: Observations, rejected: tuple[Bools, ...], point
     touched = np.zeros(points, dtype=bool)
     touched[rays.point[rejected[0]]] = True
     for group, mask in zip(observations.others, rejected[1:], strict=True):
+        if isinstance(group, Distances):  # it determines neither of its points
+            continue
         touching = (group.point >= 0) & ~mask
         np.add.at(support, group.point[touching], group.stochastic.present[touching].sum(axis=1))
         touched[group.point[(group.point >= 0) & mask]] = True
@@ -263,10 +266,10 @@ def _not_located(observations: Observations, state: State, points: Ints) -> dict
 
 
 def survey_information(observations: Observations, state: State) -> dict[int, Floats]:
-    """Normal matrices (3, 3) of the object points that other observations than rays belong to."""
+    """Normal matrices (3, 3) of the object points that others than rays and distances belong to."""
     information: dict[int, Floats] = {}
     for group in observations.others:
-        if not (group.point >= 0).any():
+        if isinstance(group, Distances) or not (group.point >= 0).any():
             continue
         equations = whiten(group, group.linearize(state))
         jacobian = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)

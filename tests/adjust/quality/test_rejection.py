@@ -13,6 +13,7 @@ from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjuster
 from adjust.observations.base import StochasticModel
 from adjust.observations.direct import DirectObservations
+from adjust.observations.distance import Distances
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import ADDITIONAL_PARAMETERS, BORESIGHT, INTERIOR_ORIENTATION
@@ -264,3 +265,30 @@ def test_a_prior_of_many_parameters_that_fits_is_not_suspicious() -> None:
     largest = np.nanmax(np.abs(adjusted.residuals[-1].standardized))
     assert largest < 2.0
     np.testing.assert_allclose(statistics[-1].max(), largest, rtol=1e-12)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_distance_decides_about_neither_of_its_points(turned: bool) -> None:
+    """Which end comes first is of no importance, and the residual is that of the stated points."""
+    given = scene(distances=8, control=("full",) * 4)
+    *others, distances = given.observations.others
+    assert isinstance(distances, Distances)
+    ray = first_ray(given, 2)
+    rays = given.observations.image_points
+    ends = [int(rays.point[ray]), int(rays.point[first_ray(given, 5)])]
+    assert not np.isin(ends, [distances.point, distances.other_point]).any()
+    first, second = np.array(ends[::-1] if turned else ends)
+    true = np.linalg.norm(given.truth.object_point[first] - given.truth.object_point[second])
+    more = Distances(
+        np.append(distances.point, first),
+        np.append(distances.other_point, second),
+        np.append(distances.given, true),
+        StochasticModel.from_sigma(np.full((9, 1), 0.01)),
+    )
+    given = replace(given, observations=replace(given.observations, others=(*others, more)))
+    result = adjusted(with_ray_error(given, ray, (0.0, 300 * MICROMETRE)))
+    assert result.given_up.tolist() == [ends[0]]
+    between = result.state.object_point[first] - result.state.object_point[second]
+    of_distance = result.groups[-1]
+    assert of_distance.status[-1] == ObservationStatus.NOT_USED
+    np.testing.assert_allclose(of_distance.residual[-1], np.linalg.norm(between) - true, atol=1e-9)
