@@ -97,8 +97,8 @@ def test_a_single_mistake_is_named_and_nothing_else(
 @pytest.mark.parametrize(
     ("file", "row", "changes", "words"),
     [
-        ("exposures.csv", 20, {"y": 2.0}, "Its GNSS position was rejected: computed − given y -"),
-        ("exposures.csv", 33, {"roll": 0.2}, "Its INS attitude was rejected: computed − given roll -"),
+        ("exposures.csv", 20, {"y": 2.0}, "Its GNSS position was rejected: computed − given y −"),
+        ("exposures.csv", 33, {"roll": 0.2}, "Its INS attitude was rejected: computed − given roll −"),
         ("control.csv", 6, {"z": -1.5}, "not used as control: computed − given z +"),
     ],
 )

@@ -280,7 +280,7 @@ def _moved_by_at_most(material: Material, finding: ModelFinding) -> float:
     names = table["point" if finding.quantity == "control_point" else "image"]
     own = table[(table["group"] == _SINGLE[finding.quantity]) & (names == finding.entity)]
     r = float(own["redundancy"].min())
-    return abs(finding.t) * np.sqrt(3.0 * (1.0 - r) / r) if r > 0.0 else np.inf
+    return abs(finding.t) * np.sqrt(3.0 * max(1.0 - r, 0.0) / r) if r > 0.0 else np.inf
 
 
 def _common_shift(material: Material, table: pd.DataFrame) -> dict[str, float]:

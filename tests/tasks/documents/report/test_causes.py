@@ -358,6 +358,15 @@ def test_a_check_point_is_named_beside_a_single_error_that_cannot_have_moved_it_
     assert [cause.place for cause in found] == ["image B2", *(["check point 12"] if named else [])]
 
 
+def test_a_redundancy_above_one_of_correlated_errors_moves_nothing() -> None:
+    finding = _finding("The position is wrong.", quantity="gnss_position", entity="B2", scope="all", part="")
+    residuals = _residuals({}).assign(redundancy=1.02)
+    found = causes(
+        _with_check_points(_material(residuals, {"model_findings": [finding]}), [0.0] * 3, [0.0, 0.3, 0.0])
+    )
+    assert [cause.place for cause in found] == ["image B2", "check point 12"]
+
+
 def test_residuals_that_are_all_too_large_are_no_mistake_of_any_image() -> None:
     residuals = _residuals({})
     scatter = 8.0 * np.random.default_rng(1).standard_normal(len(residuals))
