@@ -59,7 +59,7 @@ def strips_in_time(strip: Ints, time: Floats) -> list[Ints]:
     """Indices of the exposures of each strip in the order of time; strips without times are left out."""
     order = np.lexsort((time, strip))
     parts = np.split(order, np.flatnonzero(np.diff(strip[order])) + 1)
-    return [part for part in parts if np.isfinite(time[part]).all()]
+    return [part for part in parts if len(part) and np.isfinite(time[part]).all()]
 
 
 def over_time(
