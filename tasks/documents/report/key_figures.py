@@ -194,7 +194,9 @@ def gate_table(gates: Sequence[GateResult]) -> Table:
 
 
 def _digits(gate: GateResult) -> int:
-    """Decimals that show the whole limit, and a value beyond it as another number."""
+    """Decimals that show the whole limit, and a value beyond it as another number; none of counts."""
+    if gate.value is not None and gate.limit.is_integer() and gate.value.is_integer():
+        return 0
     limit = len(f"{gate.limit:.6f}".rstrip("0").partition(".")[2])
     words = beside_limits(gate.limit if gate.value is None else gate.value, gate.limit)
     beyond = 0 if gate.passed or gate.value is None else len(words[0].partition(".")[2])
