@@ -12,6 +12,8 @@ from typing import Any
 
 import waitress
 from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, html, no_update
+from waitress.trigger import trigger
+from waitress.wasyncore import close_all, poll
 
 from flows.overview import plots
 from flows.overview.access import add_results, guard, page_policy
@@ -27,6 +29,8 @@ from tasks.production.documents import documents_of
 _FAILED = ("GateFailed", *WRONG_INPUT, *BROKEN)
 _FAILURES = 15
 _OLDER_RUNS = 20
+# Seconds that requests under way have when the page ends.
+_LAST_ANSWERS = 2
 _PLOT: Any = {
     "displaylogo": False,
     "responsive": True,
@@ -232,15 +236,30 @@ def application(sources: Sources) -> Dash:
 @contextmanager
 def page_server(sources: Sources, host: str, port: int) -> Iterator[None]:
     """Serve the page in threads of this process while the context lasts."""
+    sockets: dict[int, Any] = {}
+    app = application(sources).server
     # Its own name and version are nobody's business.
-    server = waitress.create_server(application(sources).server, host=host, port=port, threads=6, ident=None)
+    server = waitress.create_server(app, map=sockets, host=host, port=port, threads=6, ident=None)
+    waker = next(one for one in sockets.values() if isinstance(one, trigger))
+    ends = threading.Event()
+    polling = threading.Thread(target=_poll, args=[sockets, ends], daemon=True)
+    polling.start()
     # Thousands of runs take some seconds, once; the first visitor need not wait for all of them.
-    for work in (server.run, lambda: _read_ahead(sources)):
-        threading.Thread(target=work, daemon=True).start()
+    threading.Thread(target=_read_ahead, args=[sources], daemon=True).start()
     try:
         yield
     finally:
-        server.close()
+        server.task_dispatcher.shutdown(timeout=_LAST_ANSWERS)
+        ends.set()
+        waker.pull_trigger()
+        # Polling fails on a socket that is closed meanwhile.
+        polling.join()
+        close_all(sockets)
+
+
+def _poll(sockets: dict[int, Any], ends: threading.Event) -> None:
+    while not ends.is_set():
+        poll(1.0, sockets)
 
 
 def _read_ahead(sources: Sources) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import json
 import re
+import socket
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -13,9 +15,11 @@ from typing import Any
 import pytest
 from flask.testing import FlaskClient
 
+from flows.overview.application import page_server
 from flows.overview.sources import Sources
 from flows.server.inbox import Scheduled
 from tasks.production.records import Records
+from tests.ports import free_port
 from tests.tasks.production.runs import ended, run, summary
 from tests.tasks.production.test_documents import REPORT, publish
 
@@ -300,3 +304,22 @@ def test_a_selected_project_tells_its_gates_problems_and_older_runs(
     for text in ("Strip 3 contradicts", "sigma0", "≤ 1.2", "▲ not passed", "exposures.csv is not there."):
         assert text in told
     assert asked(client, "detail.children", [[{"run": "unknown"}]], [])["detail"]["children"] is None
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
+def test_a_page_ends_without_a_fault_while_visitors_come_and_go(sources: Sources, host: str) -> None:
+    """A fault of a thread fails the test."""
+    for _ in range(5):
+        port = free_port("127.0.0.1")
+        with page_server(sources, host, port):
+            visitors = [socket.create_connection(("127.0.0.1", port)) for _ in range(40)]
+            for visitor in visitors:
+                visitor.sendall(b"GET /health HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            threading.Thread(target=_hang_up, args=[visitors]).start()
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", port))
+
+
+def _hang_up(visitors: list[socket.socket]) -> None:
+    for visitor in visitors:
+        visitor.close()
