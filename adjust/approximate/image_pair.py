@@ -29,6 +29,8 @@ _NARROW = np.deg2rad(1.0)
 _PLANE = 0.8
 # Pairs with the most common points that are checked.
 _CANDIDATES = 40
+# Fits of a rotation to the rays of a pair, each to those that the one before brought together best.
+_ROTATIONS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,8 @@ class PairModel:
 def pairs_by_common_points(measured: MeasuredImages, allowed: Bools) -> Ints:
     """Pairs (k, 2) of allowed images (n,) with the most common points first.
 
-    No image is in more than a few of them, so that one place does not stand for the whole block.
+    No image is in more than a few of them, so that one place does not stand for the whole block. Pairs taken
+    at one place, as heads of one body do, have the most common points and give no model: they come last.
     """
     rays = measured.rays
     kept = allowed[rays.image] & rays.active
@@ -62,22 +65,51 @@ def pairs_by_common_points(measured: MeasuredImages, allowed: Bools) -> Ints:
     common = sparse.coo_array(sparse.triu(seen @ seen.T, k=1))
     enough = common.data >= FEWEST
     one, other, count = common.row[enough], common.col[enough], common.data[enough]
-    chosen, used = list[tuple[int, int]](), np.zeros(measured.images, dtype=np.int64)
+    chosen, of_one_place = list[tuple[int, int]](), list[tuple[int, int]]()
+    used = np.zeros(measured.images, dtype=np.int64)
     for k in np.lexsort((other, one, -count)):
-        if max(used[one[k]], used[other[k]]) < 6:
-            chosen.append((int(one[k]), int(other[k])))
-            used[[one[k], other[k]]] += 1
+        pair = int(one[k]), int(other[k])
+        if max(used[list(pair)]) >= 6:
+            continue
+        if _at_one_place(measured, *pair):
+            of_one_place.append(pair)
+            continue
+        chosen.append(pair)
+        used[list(pair)] += 1
         if len(chosen) == _CANDIDATES:
             break
-    return np.array(chosen, dtype=np.int64).reshape(-1, 2)
+    pairs = [*chosen, *of_one_place][:_CANDIDATES]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _at_one_place(measured: MeasuredImages, one: int, other: int) -> bool:
+    """Whether a rotation alone brings most of the common rays of two images together."""
+    rows = _common(measured, one, other)
+    u, v = (
+        np.column_stack([measured.pixel[k], np.full(len(k), measured.focal_px(image))])
+        for k, image in zip(rows, (one, other), strict=True)
+    )
+    u, v = (rays / np.linalg.norm(rays, axis=1, keepdims=True) for rays in (u, v))
+    near = np.ones(len(u), dtype=bool)
+    missed = np.zeros(len(u))
+    for _ in range(_ROTATIONS):
+        left, _, right = np.linalg.svd(v[near].T @ u[near])
+        turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+        missed = np.linalg.norm(v - u @ turn.T, axis=1) * measured.focal_px(other)
+        near = missed <= np.quantile(missed, ENOUGH)
+    return bool(np.mean(missed <= LIMITS_PX[1]) >= ENOUGH)
+
+
+def _common(measured: MeasuredImages, one: int, other: int) -> tuple[Ints, Ints]:
+    """Rows (k,) of the image points of both images that they have in common."""
+    point, (first, second) = measured.rays.point, (measured.rows_of_image[i] for i in (one, other))
+    _, k, q = np.intersect1d(point[first], point[second], return_indices=True)
+    return first[k], second[q]
 
 
 def pair_models(measured: MeasuredImages, one: int, other: int) -> Iterator[PairModel]:
     """The relative orientations that the common points of two images allow, most likely first."""
-    rays = measured.rays
-    first, second = measured.rows_of_image[one], measured.rows_of_image[other]
-    _, k, q = np.intersect1d(rays.point[first], rays.point[second], return_indices=True)
-    first, second = first[k], second[q]
+    first, second = _common(measured, one, other)
     solutions, limit = _solutions(measured, (one, other), measured.pixel[first], measured.pixel[second])
     for rotation, shift in solutions:
         centre, turned = orientation(rotation, shift / np.linalg.norm(shift))

@@ -120,6 +120,28 @@ def strip() -> CloseRange:
     return CloseRange(centre, np.tile(np.eye(3), (8, 1, 1)), target)
 
 
+def test_two_heads_of_one_body_spend_no_trial_on_the_pairs_of_one_place() -> None:
+    """48 events: their two pictures have more points in common than those of different events."""
+    generator = np.random.default_rng(4)
+    target = generator.uniform([-2.0, -2.0, 0.0], [9.0, 7.0, 0.5], (500, 3))
+    place = np.stack(
+        [*(axis.ravel() for axis in np.meshgrid(np.arange(8.0), np.arange(6.0))), np.full(48, 4.0)], 1
+    )
+    second = rotation.exp(np.array([[0.01, -0.02, 0.4]]))[0]
+    truth = CloseRange(
+        np.repeat(place, 2, axis=0), np.tile(np.stack([np.eye(3), second]), (48, 1, 1)), target
+    )
+    p = np.einsum("nij,nmi->nmj", truth.local_from_camera, target - truth.projection_centre[:, None])
+    seen = np.all(np.abs(p[..., :2] / p[..., 2:]) < [0.5, 0.4], axis=2)
+    measured = measured_images(truth, seen, sigma_px=0.3, wrong=0.05)
+    pairs = pairs_by_common_points(measured, np.ones(96, dtype=bool))
+    assert len(pairs) == 40
+    assert np.all(pairs[:, 0] // 2 != pairs[:, 1] // 2)
+    places = known(truth)
+    places.projection_centre[:] = truth.projection_centre
+    assert_true(truth, find_orientations(measured, places), 2e-2)
+
+
 def test_attitudes_turn_what_two_control_points_place() -> None:
     truth = scene(6, 40, 0.5)
     places = known(truth)
