@@ -1,4 +1,11 @@
-"""Mean residuals of two flights: whether they show the same errors, and their combination."""
+"""Mean residuals of two flights: whether they show the same errors, and their combination.
+
+The standard deviation of a mean comes from the scatter of the few residuals of its sub-area. So a difference
+over its σ has Student's distribution, with the degrees of freedom of Welch (1947), and is expressed as the
+normal variable that is exceeded with the same probability. For the same reason the weights of a mean of
+several grids do not come from single sub-areas: weights 1/s² of so few residuals are worse than equal ones,
+and promise a σ that is too small (Meier 1953).
+"""
 
 from __future__ import annotations
 
@@ -12,6 +19,9 @@ from adjust.arrays import Floats
 from adjust.errors import InconsistentBlockError
 from adjust.residual_grid.residual_grid import ResidualGrid
 
+# Metres; where residuals have no scatter at all, nothing is divided by zero. Its square is not zero either.
+_NO_SCATTER = 1e-20
+
 
 @dataclass(frozen=True)
 class GridComparison:
@@ -22,8 +32,8 @@ class GridComparison:
     cells : number of cells that both know.
     correlation : of the means in x and in y.
     correlation_of_signals : the same freed of the noise of both grids; NaN where one has no signal.
-    statistic : Σ (a − b)² / (σ_a² + σ_b²) over cells and coordinates, χ² with ``freedom`` degrees of freedom
-        if both show the same.
+    statistic : Σ z² over cells and coordinates, z the normal equivalent of (a − b) / √(σ_a² + σ_b²); χ² with
+        ``freedom`` degrees of freedom if both show the same.
     freedom : 2 · cells.
     probability : of a larger statistic by chance.
     differing : share of the cells whose vectors differ, each tested by itself (5 % by chance at 95 %).
@@ -52,9 +62,10 @@ def compare_grids(one: ResidualGrid, other: ResidualGrid, confidence: float = 0.
             "The two residual grids have fewer than two sub-areas with image points of both."
         )
     a, b = one.mean[both], other.mean[both]
-    noise_a, noise_b = one.sigma[both] ** 2, other.sigma[both] ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        square = np.sum((a - b) ** 2 / (noise_a + noise_b), axis=1)
+    noise_a, noise_b = _variance(one)[both], _variance(other)[both]
+    noise = noise_a + noise_b
+    freedom_of = noise**2 / (noise_a**2 / (one.count[both] - 1) + noise_b**2 / (other.count[both] - 1))
+    square = np.sum(_normal_squares((a - b) / np.sqrt(noise), freedom_of), axis=1)
     raw, free = _correlations(a, b), _correlations(a, b, noise_a.mean(axis=0), noise_b.mean(axis=0))
     total, freedom = float(square.sum()), 2 * int(both.sum())
     return GridComparison(
@@ -69,7 +80,9 @@ def compare_grids(one: ResidualGrid, other: ResidualGrid, confidence: float = 0.
 
 
 def combined_grid(grids: Sequence[ResidualGrid]) -> ResidualGrid:
-    """The mean of several grids of the same cells, each mean weighted with 1/σ².
+    """The mean of several grids of the same cells.
+
+    Each mean is weighted with the number of its residuals over their variance in all sub-areas of its grid.
 
     Raises
     ------
@@ -78,20 +91,45 @@ def combined_grid(grids: Sequence[ResidualGrid]) -> ResidualGrid:
     _require_same_cells(grids)
     means = np.array([grid.mean for grid in grids])
     known = np.isfinite(means)
-    weight = np.array([np.where(k, 1.0 / grid.sigma**2, 0.0) for k, grid in zip(known, grids, strict=True)])
+    weight = np.where(known, [grid.count / _scatter(grid) for grid in grids], 0.0)
     total = weight.sum(axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(total > 0.0, np.sum(weight * np.nan_to_num(means), axis=0) / total, np.nan)
-        sigma = np.where(total > 0.0, 1.0 / np.sqrt(total), np.nan)
+    present = total > 0.0
+    part = weight / np.where(present, total, 1.0)
+    # Of the variance, what each grid contributes.
+    of_grids = np.where(known, part**2 * [_variance(grid) for grid in grids], 0.0)
+    variance = np.where(present, of_grids.sum(axis=0), np.nan)
+    mean = np.where(present, np.sum(part * np.nan_to_num(means), axis=0), np.nan)
+    freedom = variance**2 / np.sum(of_grids**2 / np.maximum([grid.count - 1 for grid in grids], 1), axis=0)
     # χ² of one or two degrees of freedom.
-    present = np.isfinite(mean)
-    square = np.sum(np.where(present, mean / sigma, 0.0) ** 2, axis=1)
+    square = np.sum(np.where(present, _normal_squares(mean / np.sqrt(variance), freedom), 0.0), axis=1)
     number = present.sum(axis=1)
     probability = special.gammaincc(0.5 * np.maximum(number, 1), 0.5 * square)
     count = np.sum([np.where(k, grid.count, 0) for k, grid in zip(known, grids, strict=True)], axis=0)
     return ResidualGrid(
-        grids[0].cells, count.astype(np.int64), mean, sigma, np.where(number > 0, probability, np.nan)
+        grids[0].cells,
+        count.astype(np.int64),
+        mean,
+        np.sqrt(variance),
+        np.where(number > 0, probability, np.nan),
     )
+
+
+def _scatter(grid: ResidualGrid) -> Floats:
+    """Mean variance (2,) of one residual in x and in y within the sub-areas of a grid."""
+    known = np.isfinite(grid.mean)
+    total = np.sum(np.where(known, grid.count * _variance(grid), 0.0), axis=0)
+    return np.asarray(total / np.maximum(known.sum(axis=0), 1) + _NO_SCATTER**2)
+
+
+def _variance(grid: ResidualGrid) -> Floats:
+    """Variances (k, 2) of the means; NaN where there is none."""
+    return np.asarray(np.maximum(grid.sigma, _NO_SCATTER) ** 2)
+
+
+def _normal_squares(student: Floats, freedom: Floats) -> Floats:
+    """Squares of normal variables that are exceeded as often as these of Student's distribution."""
+    tail = special.stdtr(freedom, -np.abs(student))
+    return np.asarray(special.ndtri(np.maximum(tail, np.finfo(float).tiny)) ** 2)
 
 
 def _require_same_cells(grids: Sequence[ResidualGrid]) -> None:

@@ -96,7 +96,7 @@ def read_corrections(
 ) -> tuple[CorrectionField | None, ...]:
     """The corrections of the cameras that have image points, from the residual grids of other runs.
 
-    Several files are averaged, each sub-area weighted with 1/σ².
+    Several files are averaged as by ``combined_grid``.
 
     Parameters
     ----------

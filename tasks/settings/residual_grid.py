@@ -21,7 +21,7 @@ class ResidualGridSettings(Settings):
     file: InputPaths = ()
     """`residual_grid.parquet` of another run, such as the high flight of the same camera: its corrections
     (its mean residuals, if it applied none) are added to the image coordinates. Several are averaged, each
-    sub-area weighted with 1/σ².
+    mean weighted with the number of its residuals over their mean variance.
     """
     iterations: Annotated[Whole, Field(ge=0, le=50)] = 0
     """Maximum number of times that the mean residuals are added to the image coordinates and the block is

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import stats
 
 from adjust.arrays import Floats
 from adjust.errors import InconsistentBlockError
@@ -35,11 +38,14 @@ def test_two_flights_with_the_same_camera_are_correlated_and_do_not_differ() -> 
     assert found.differing == pytest.approx(0.05, abs=0.05)
 
 
-def test_the_test_of_the_difference_keeps_its_level() -> None:
-    # Thousands of image points in a cell: the scatter in it is as good as known.
-    found = [compare_grids(_grid(2 * k, 400, 5), _grid(2 * k + 1, 400, 5)) for k in range(60)]
+@pytest.mark.parametrize(("per_cell", "side"), [(10, 20), (25, 20), (400, 5)])
+def test_the_test_of_the_difference_keeps_its_level(per_cell: int, side: int) -> None:
+    """Of few residuals in a cell their scatter is not known well: taken as known, 25 would alarm 15 times."""
+    pairs = [[_grid(2 * k + one, per_cell, side, factor=0.0) for one in (0, 1)] for k in range(60)]
+    found = [compare_grids(*pair) for pair in pairs]
     beyond = sum(item.probability < 0.05 for item in found)
     assert beyond <= 8
+    assert np.mean([item.differing for item in found]) == pytest.approx(0.05, abs=0.01)
 
 
 def test_another_camera_is_recognized() -> None:
@@ -56,8 +62,11 @@ def test_correlation_is_that_of_the_means() -> None:
     for k in (0, 1):
         a, b = one.mean[:, k], other.mean[:, k]
         assert found.correlation[k] == pytest.approx(float(a @ b / np.sqrt((a @ a) * (b @ b))))
-    square = (one.mean - other.mean) ** 2 / (one.sigma**2 + other.sigma**2)
-    assert found.statistic == pytest.approx(square.sum())
+    student = stats.ttest_ind_from_stats(
+        *(x for grid in (one, other) for x in (grid.mean, grid.sigma * np.sqrt(grid.count), grid.count)),
+        equal_var=False,
+    )
+    assert found.statistic == pytest.approx(np.sum(stats.norm.isf(0.5 * student.pvalue) ** 2))
 
 
 def test_both_flights_together_are_as_good_as_all_their_image_points() -> None:
@@ -86,6 +95,34 @@ def test_a_grid_with_itself_has_the_same_means_and_a_smaller_sigma() -> None:
     both = combined_grid((one, one))
     np.testing.assert_allclose(both.mean, one.mean, rtol=1e-12)
     np.testing.assert_allclose(both.sigma, one.sigma / np.sqrt(2.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("per_cell", [10, 25])
+def test_the_mean_of_grids_is_significant_as_often_as_chance_says(per_cell: int) -> None:
+    """Taken as known, the σ of 10 residuals in a cell would call 12 % of the sub-areas significant."""
+    found = [
+        combined_grid([_grid(3 * k + one, per_cell, 20, factor=0.0) for one in (0, 1, 2)]) for k in range(10)
+    ]
+    called = np.mean([np.mean(grid.significant()[grid.known]) for grid in found])
+    assert called == pytest.approx(0.05, abs=0.015)
+
+
+def test_a_grid_with_three_times_the_scatter_has_a_ninth_of_the_weight_in_every_cell() -> None:
+    one = _grid(3, 10, 20)
+    rough = replace(one, mean=0.0 * one.mean, sigma=3.0 * one.sigma)
+    both, known = combined_grid((one, rough)), np.isfinite(one.mean)
+    np.testing.assert_allclose(both.mean[known], 0.9 * one.mean[known], rtol=1e-12)
+    np.testing.assert_allclose(both.sigma[known], np.sqrt(0.9) * one.sigma[known], rtol=1e-12)
+
+
+def test_means_without_any_scatter_are_known_exactly() -> None:
+    one, other = _grid(3, 20, 5), _grid(4, 20, 5)
+    exact = replace(one, sigma=np.zeros_like(one.sigma))
+    both = combined_grid((exact, other))
+    np.testing.assert_allclose(both.mean, one.mean, rtol=1e-12)
+    assert np.all(both.sigma < 1e-12)
+    assert compare_grids(exact, exact).statistic == 0.0
+    assert compare_grids(exact, replace(exact, mean=exact.mean + 1e-9)).probability < 1e-6
 
 
 def test_grids_with_other_sub_areas_are_refused() -> None:
