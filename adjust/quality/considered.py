@@ -41,17 +41,22 @@ _AT_ONCE = 65_536
 
 
 def contradiction_of_prior(
-    group: JointPrior, state: State, layout: ParameterLayout, quality: Cofactor
+    group: JointPrior, state: State, layout: ParameterLayout, quality: Cofactor, sigma0: float = 1.0
 ) -> Contradiction:
     """The same test where the parameters are observed with their covariance in place of being considered.
 
-    vᵀ Q_vv⁻ v of the observation is the same number for σ0 = 1: v = (I + C S̃)⁻¹ C s̃.
+    What the block says of the parameters has the covariance σ0² S̃⁻¹, the given values C, which no σ0
+    scales. Along the eigenvectors of I − H, with S̃ = λ/(1 − λ) for C = 1, residuals have the variances
+    λ (σ0² (1 − λ) + λ), and errors of other parameters that are considered add their own.
     """
     found = single_errors(group, group.linearize(state), layout, quality)
     values, vectors = np.linalg.eigh(found.inside[0])
     told = values > INDISTINGUISHABLE
-    along = vectors[:, told].T @ found.pull[0]
-    return Contradiction(float(np.sum(along**2 / values[told])), int(told.sum()))
+    values, vectors = values[told], vectors[:, told]
+    along = vectors.T @ found.pull[0]
+    spread = np.diag(values * (sigma0**2 * (1.0 - values) + values))
+    spread += vectors.T @ found.considered[0] @ vectors
+    return Contradiction(float(along @ np.linalg.solve(spread, along)), len(values))
 
 
 def considered_errors(system: System, solution: Solution) -> ConsideredErrors | None:

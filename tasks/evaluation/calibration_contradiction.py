@@ -53,7 +53,9 @@ def contradictions_of(
         group = item.taking_part
         if isinstance(group, JointPrior):
             own = next(one for one in known if one.camera == group.source)
-            test = contradiction_of_prior(group, result.state, result.layout, result.cofactor)
+            test = contradiction_of_prior(
+                group, result.state, result.layout, result.cofactor, adjusted.sigma0
+            )
             found.append(CameraContradiction(own, test))
     return tuple(found)
 

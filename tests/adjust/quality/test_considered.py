@@ -343,6 +343,39 @@ def test_observed_parameters_have_the_covariance_and_the_test_of_full_matrices(c
     considered = case.errors.contradiction(range(len(PLACES)))
     assert test.freedom <= considered.freedom
     assert test.statistic == pytest.approx(considered.statistic, rel=2e-3, abs=1e-3)
+    # Whatever σ0 says of the block: it does not scale what is known of the parameters.
+    test = contradiction_of_prior(prior, adjusted.state, wide.layout, adjusted.quality, 3.0)
+    considered = case.errors.contradiction(range(len(PLACES)), 3.0)
+    assert test.statistic == pytest.approx(considered.statistic, rel=2e-3, abs=1e-3)
+
+
+def test_a_prior_is_tested_with_the_errors_of_what_is_considered_besides(case: Dense) -> None:
+    """Lever arm and additional parameter considered, the others observed: the T of all matrices in full."""
+    observed, held = PLACES[:6], PLACES[6:]
+    scene, given = case.adjusted, known(observed)
+    uncertain = ConsideredParameters(held, 100.0 * known(held).covariance)
+    block = replace(with_free(scene.system.block, observed), considered=uncertain)
+    of_family = {item.family.name: item.values for item in block.system}
+    values = np.array([[of_family[family][entity, part] for family, entity, part in observed]])
+    model = StochasticModel.from_covariance(given.covariance[None], np.ones((1, 6), dtype=bool))
+    prior = JointPrior("camera", ("p",) * 6, ("m",) * 6, observed, values, model)
+    wide = System.of(block, replace(scene.observations, others=(*scene.observations.others, prior)))
+    adjusted = Adjuster(AdjustmentOptions()).adjust(wide, scene.state)
+    design = design_matrix(wide, adjusted.solution.linearization)
+    both = System.of(with_free(block, held), wide.observations)
+    columns = design_matrix(both, adjusted.solution.linearization)
+    own = columns.border_columns[[both.layout.columns[f][e, k] for f, e, k in held]]
+    a, b = design.matrix.toarray(), columns.matrix.toarray()[:, own]
+    outside = np.eye(len(a)) - a @ full_cofactor(design) @ a.T
+    rows = slice(*design.row_start[-2:])
+    moved = (outside @ b)[rows]
+    residual = -(outside @ design.misclosure)[rows]
+    spread = outside[rows, rows] + moved @ uncertain.covariance @ moved.T
+    expected = residual @ np.linalg.solve(spread, residual)
+    test = contradiction_of_prior(prior, adjusted.state, wide.layout, adjusted.quality)
+    assert test.statistic == pytest.approx(expected, rel=1e-4)
+    alone = residual @ np.linalg.solve(outside[rows, rows], residual)
+    assert expected < 0.95 * alone
 
 
 def test_prior_is_no_observation_that_could_be_rejected() -> None:
