@@ -1,15 +1,14 @@
 """What the model of a block may lack: every alternative that is tested, one row each.
 
-Parameters that are held, or that differ between flights, heights, directions or strips; errors of time and
-height scale of GNSS; the north of the attitudes; the datum of the control; refraction; direction and sign of
-given distortion; image errors that no parameter describes.
+Parameters that are held, or that differ between flights, heights, directions or strips; drifts, time offsets
+and height scale of GNSS; the north of the attitudes; the datum of the control; refraction; direction and sign
+of given distortion; image errors that no parameter describes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -19,7 +18,6 @@ from adjust.block import Block
 from adjust.calibration.flight_pattern import flight_pattern
 from adjust.camera.additional.register import additional_parameters
 from adjust.observations.control_point import ControlPoints
-from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
@@ -27,7 +25,6 @@ from adjust.parameters import (
     GNSS_SHIFT,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
-    TIME_OFFSET,
     SystemParameters,
 )
 from adjust.quality.alternative_products import ModelAlternative
@@ -37,11 +34,10 @@ from tasks.block.distortion_readings import other_readings
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.refracted_rays import ground_heights
 from tasks.block.self_calibration import image_format_of
-from tasks.block.strip_motion import strip_motion
+from tasks.evaluation.alternative import Alternative, Scope, along_axis, scaled
 from tasks.evaluation.image_point_changes import image_errors, refraction
+from tasks.evaluation.position_alternatives import position_alternatives
 from tasks.quantities import reported_unit
-
-Scope: TypeAlias = Literal["all", "flight", "height", "direction", "strip"]
 
 #: Families and the parts of a block in which they may differ.
 _DIFFERING: dict[str, tuple[Scope, ...]] = {
@@ -51,7 +47,6 @@ _DIFFERING: dict[str, tuple[Scope, ...]] = {
     GNSS_SHIFT: ("height", "direction", "strip"),
 }
 _IMAGE_ERRORS = "brown"
-_PER_MILLION = 1e-6
 # A correction that is missing, made twice or with the wrong sign is off by one or two times itself.
 _MOST_OF_ITSELF = 3.0
 # Less than this part of its height is not a relief, or no second height, that a scale could show in.
@@ -60,37 +55,6 @@ _FLAT = 1e-3
 _NO_REFRACTION = 0.02
 # Radians; a local system has one north only.
 _NO_CONVERGENCE = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Alternative:
-    """One thing the model may lack.
-
-    Attributes
-    ----------
-    quantity : what differs: a parameter's name, or one of this page.
-    entity : the camera, flight, image or control point it belongs to; empty for the whole block.
-    scope, part : in which exposures: of which flight, height, direction or strip; all of them.
-    unit, factor : of its size in the tables, and the factor from SI and radians.
-    model : what is tested.
-    critical : |t| above which it is significant, where that does not depend on the other alternatives.
-    most : size beyond which it is no such mistake, in its unit.
-    """
-
-    quantity: str
-    entity: str
-    scope: Scope
-    part: str
-    unit: str
-    factor: float
-    model: ModelAlternative
-    critical: float | None = None
-    most: float = np.inf
-
-    @property
-    def key(self) -> tuple[str, str, str, str]:
-        """Unique among the alternatives of a block."""
-        return self.quantity, self.entity, self.scope, self.part
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +86,7 @@ def model_alternatives(
     material = _Material(block, given, observations, tuple(_parts(block, given, observations)))
     return (
         *_of_parameters(material),
-        *_of_positions(material),
+        *position_alternatives(block, given, observations),
         *_of_attitudes(material),
         *_of_control(material),
         *_of_image_points(material, cameras),
@@ -228,33 +192,6 @@ def _parameter(
     )
 
 
-def _of_positions(material: _Material) -> Iterator[Alternative]:
-    """Time offsets of the flights and the scale of the heights, where GNSS positions show them."""
-    gnss = next((item for item in material.observations.others if isinstance(item, GnssPositions)), None)
-    if gnss is None:
-        return
-    of_times = next((item for item in material.block.system if item.family.name == TIME_OFFSET), None)
-    image = material.block.image_of_event[gnss.event]
-    velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(material.given).velocity[image])
-    for number, flight in enumerate(material.given.flights):
-        moving = np.where((gnss.flight == number)[:, None], velocity, 0.0)
-        if moving.any() and (of_times is None or not of_times.free[number].any()):
-            change = ObservationAlternative(gnss.name, moving, _turned_meanwhile(material, number))
-            yield Alternative("time_offset", flight, "all", "", "s", 1.0, change)
-    height = material.block.frame.height(material.block.projection_centre)[gnss.event]
-    if np.ptp(height) > 0.5 * np.abs(np.median(height)):
-        yield _scaled("gnss_height_scale", gnss.name, _columns(2, height - height.mean()))
-
-
-def _turned_meanwhile(material: _Material, flight: int) -> ObservationAlternative | None:
-    """The effect of a flight's time offset on attitudes with known rates."""
-    ins = next((item for item in material.observations.others if isinstance(item, InsAttitudes)), None)
-    if ins is None or ins.turning is None:
-        return None
-    turned = np.where((ins.turning.flight == flight)[:, None], ins.turning.rate, 0.0)
-    return ObservationAlternative(ins.name, turned)
-
-
 def _of_attitudes(material: _Material) -> Iterator[Alternative]:
     """The other north: attitudes turned by the convergence of the meridians, where that differs from zero."""
     ins = next((item for item in material.observations.others if isinstance(item, InsAttitudes)), None)
@@ -278,7 +215,7 @@ def _of_control(material: _Material) -> Iterator[Alternative]:
     shifts = next((item for item in material.block.system if item.family.name == GNSS_SHIFT), None)
     # Held, the shift of the positions is tested itself, and is the same as one of the control.
     for axis, name in enumerate("xyz" if shifts is not None and shifts.free.any() else ""):
-        shift = ObservationAlternative(control.name, _columns(axis, np.ones(n)))
+        shift = ObservationAlternative(control.name, along_axis(axis, np.ones(n)))
         yield Alternative(f"control_shift_{name}", "", "all", "", "m", 1.0, shift)
     place = material.block.object_point[control.point]
     frame = material.block.frame.local_from_enu(place[:1])[0]
@@ -286,27 +223,13 @@ def _of_control(material: _Material) -> Iterator[Alternative]:
     height = material.block.frame.height(place)
     degrees = float(np.rad2deg(1.0))
     for name, axis, arm in (("control_tilt_east", 2, east), ("control_tilt_north", 2, north)):
-        tilt = ObservationAlternative(control.name, _columns(axis, arm))
+        tilt = ObservationAlternative(control.name, along_axis(axis, arm))
         yield Alternative(name, "", "all", "", "deg", degrees, tilt)
-    turn = ObservationAlternative(control.name, _columns(0, north) - _columns(1, east))
+    turn = ObservationAlternative(control.name, along_axis(0, north) - along_axis(1, east))
     yield Alternative("control_turn", "", "all", "", "deg", degrees, turn)
-    yield _scaled("control_scale", control.name, _columns(0, east) + _columns(1, north))
+    yield scaled("control_scale", control.name, along_axis(0, east) + along_axis(1, north))
     if np.ptp(height) > _FLAT * np.ptp(up + np.hypot(east, north)):
-        yield _scaled("control_height_scale", control.name, _columns(2, height - height.mean()))
-
-
-def _columns(axis: int, values: Floats) -> Floats:
-    """Changes (n, 3) along one axis."""
-    change = np.zeros((len(values), 3))
-    change[:, axis] = values
-    return change
-
-
-def _scaled(quantity: str, group: str, arm: Floats) -> Alternative:
-    """A scale, in millionths."""
-    return Alternative(
-        quantity, "", "all", "", "1e-6", 1.0 / _PER_MILLION, ObservationAlternative(group, arm)
-    )
+        yield scaled("control_height_scale", control.name, along_axis(2, height - height.mean()))
 
 
 def _of_itself(quantity: str, entity: str, model: ModelAlternative) -> Alternative:

@@ -15,8 +15,8 @@ from adjust.arrays import Bools, Floats
 from adjust.model_tests import ModelTests
 from adjust.parameters import Quantity
 from adjust.quality.model_alternatives import AlternativeTests, ParameterAlternative
+from tasks.evaluation.alternative import Alternative
 from tasks.evaluation.alternative_words import POWER, alternative_words
-from tasks.evaluation.model_alternatives import Alternative
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.files.json_text import JSON
 from tasks.quantities import reported_unit

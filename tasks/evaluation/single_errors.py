@@ -17,7 +17,7 @@ from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.quality.model_alternatives import ObservationAlternative
 from adjust.result import GroupResult, ObservationStatus
-from tasks.evaluation.model_alternatives import Alternative
+from tasks.evaluation.alternative import Alternative
 from tasks.evaluation.result_tables import AdjustedBlock
 
 # Of calling any observation of a sound group wrong.

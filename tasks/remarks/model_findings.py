@@ -58,6 +58,10 @@ _KINDS: Mapping[str, _Kind] = {
         "Check their datum, base station and antenna height, or free the shift.",
         place=True,
     ),
+    "gnss_drift": _Kind(
+        "The GNSS positions{where} drift by {size} (east x, north y, up z)",
+        "Check their solution (ambiguities, base station), or free gnss_drift.",
+    ),
     "gnss_position": _Kind(
         "The GNSS position of image {entity} is {size}",
         "Check its time and its solution{reject}.",

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -13,6 +15,7 @@ from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +26,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def carried_out(
-    flight: Path, out: Path, file: str, rows: slice, changes: dict[str, float], rejection: str = '"none"'
+    flight: Path, out: Path, file: str, rows: slice, changes: dict[str, Any], rejection: str = '"none"'
 ) -> Path:
     """The results after some numbers in rows of a delivery were changed."""
     folder = flight.parent
@@ -125,3 +128,40 @@ def test_a_shifted_strip_is_one_cause(flight: Path, tmp_path: Path, rejection: s
     tone, text = top_of_report(results)
     assert tone == "attention"
     assert re.findall("Look at ([^.]+)\\.", text) == [f"strip {strip}"]
+
+
+@pytest.mark.parametrize("rejection", ['"none"', "{}"])
+def test_positions_that_drift_along_a_strip_are_one_cause(
+    flight: Path, tmp_path: Path, rejection: str
+) -> None:
+    """0.03 m/s, up to 1.3 m: no six wrong positions, no scale of the control, and no other strip."""
+    exposures = pd.read_csv(flight.parent / "exposures.csv", dtype={"strip": str})
+    strip = exposures["strip"].unique()[1]
+    rows = exposures.index[exposures["strip"] == strip]
+    time = exposures["time"][rows].to_numpy()
+    drifted = {"x": 0.03 * (time - time.mean())}
+    results = carried_out(
+        flight, tmp_path / "results", "exposures.csv", slice(rows[0], rows[-1] + 1), drifted, rejection
+    )
+    tone, text = top_of_report(results)
+    assert tone == "attention"
+    assert re.findall("Look at ([^.]+)\\.", text) == [f"strip {strip}"]
+    table = pd.read_parquet(results / "model_alternatives.parquet")
+    (found,) = table[table["rank"] > 0].to_dict("records")
+    assert (found["quantity"], found["part"]) == ("gnss_drift_x", strip)
+    assert abs(found["explained"] - 0.03) < 3.0 * found["explained_sigma"] < 0.01
+    of_strips = table.loc[table["quantity"].str.startswith("gnss_drift"), "part"].value_counts()
+    assert (of_strips == 3).all()
+    assert set(of_strips.index) == set(exposures["strip"])
+    assert np.isfinite(table.loc[table["quantity"].str.startswith("gnss_drift"), "t"]).all()
+
+
+def test_estimated_drifts_are_no_alternatives(flight: Path, tmp_path: Path) -> None:
+    free = (
+        'adjustment.free=["gnss_shift", "gnss_drift"]',
+        "adjustment.priors.gnss_drift_m_s=[0.05, 0.05, 0.05]",
+    )
+    found = carry_out(adjustment_alone, RunRequest(flight, tmp_path / "results", overrides=free))
+    assert found.error is None, found.error
+    table = pd.read_parquet(found.directory / "model_alternatives.parquet")
+    assert not table["quantity"].str.startswith("gnss_drift").any()

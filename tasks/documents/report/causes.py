@@ -42,7 +42,12 @@ _OF_ALL = {
 }
 _ITS_OWN = {"gnss_positions": "GNSS position", "ins_attitudes": "INS attitude"}
 _SINGLE = {**_OF_IMAGES, "control_point": "control_points"}
-_GROUPS = {**_SINGLE, "gnss_shift": "gnss_positions", "boresight": "ins_attitudes"}
+_GROUPS = {
+    **_SINGLE,
+    "gnss_shift": "gnss_positions",
+    "gnss_drift": "gnss_positions",
+    "boresight": "ins_attitudes",
+}
 
 
 @dataclass(frozen=True)
