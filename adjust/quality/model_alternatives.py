@@ -103,11 +103,18 @@ class AlternativeTests:
     score : (k,) s.
     normal : (k, k) M; zero rows and columns of those that cannot be separated from the unknowns.
     effect : (g, k) what the system parameters that are free change by for b = 1: the columns Q Aᵀ C.
+    acting : (k,) whether an alternative changes any observation: the boresight does not without attitudes.
     """
 
     score: Floats
     normal: Floats
     effect: Floats
+    acting: Bools
+
+    def only(self, chosen: Bools) -> AlternativeTests:
+        """Those of some of the alternatives (k,)."""
+        normal = self.normal[np.ix_(chosen, chosen)]
+        return AlternativeTests(self.score[chosen], normal, self.effect[:, chosen], self.acting[chosen])
 
     @property
     def distinguishable(self) -> Bools:
@@ -222,7 +229,10 @@ def alternative_tests(
     told = np.diagonal(normal) > INDISTINGUISHABLE * np.diagonal(own)[:count]
     kept = told[:, None] & told[None, :]
     return AlternativeTests(
-        score, np.where(kept, 0.5 * (normal + normal.T), 0.0), effect[: system.layout.border, :count]
+        score,
+        np.where(kept, 0.5 * (normal + normal.T), 0.0),
+        effect[: system.layout.border, :count],
+        np.diagonal(own)[:count] > 0.0,
     )
 
 

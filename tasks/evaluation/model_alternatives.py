@@ -139,9 +139,11 @@ def _division(scope: Scope, names: list[str], number: Ints) -> Iterator[_Part]:
 
 def _of_parameters(material: _Material) -> Iterator[Alternative]:
     """Parameters that are held, and those that may differ between parts."""
+    attitudes = any(isinstance(item, InsAttitudes) for item in material.observations.others)
     for parameters in material.block.system:
         family = parameters.family.name
-        if family not in _DIFFERING:
+        # Without attitudes a boresight turns the lever arm by nothing worth mentioning.
+        if family not in _DIFFERING or (family == BORESIGHT and not attitudes):
             continue
         for (entity, component), free in np.ndenumerate(parameters.free):
             if not free and _is_of_body(material.block, family, entity):

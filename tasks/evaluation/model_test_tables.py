@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +54,15 @@ class ExaminedModel:
     adjusted: AdjustedBlock
     alternatives: tuple[Alternative, ...]
     found: ModelTests
+
+    @classmethod
+    def of(
+        cls, adjusted: AdjustedBlock, alternatives: Sequence[Alternative], found: ModelTests
+    ) -> ExaminedModel:
+        """Without those that change no observation: they are neither found nor missed."""
+        acting = found.tests.acting
+        tested = tuple(compress(alternatives, acting))
+        return cls(adjusted, tested, replace(found, tests=found.tests.only(acting)))
 
     @property
     def scale(self) -> float:

@@ -232,7 +232,7 @@ def _examined_model(
     )
     models = [item.model for item in alternatives]
     found = examined_model(block, adjusted.result, models, _options(settings))
-    return ExaminedModel(adjusted, alternatives, found)
+    return ExaminedModel.of(adjusted, alternatives, found)
 
 
 def _options(settings: AdjustmentSettings) -> AdjustmentOptions:

@@ -165,3 +165,24 @@ def test_estimated_drifts_are_no_alternatives(flight: Path, tmp_path: Path) -> N
     assert found.error is None, found.error
     table = pd.read_parquet(found.directory / "model_alternatives.parquet")
     assert not table["quantity"].str.startswith("gnss_drift").any()
+
+
+@pytest.mark.parametrize(
+    ("observed", "free", "absent"),
+    [
+        (["control", "gnss"], ["gnss_shift"], {"boresight", "convergence"}),
+        (["control", "ins"], ["boresight"], {"lever_arm", "gnss_shift", "gnss_drift", "time_offset"}),
+        (["control"], [], {"boresight", "lever_arm", "gnss_shift", "gnss_drift"}),
+    ],
+)
+def test_what_changes_no_observation_is_not_said_to_remain_undetected(
+    flight: Path, tmp_path: Path, observed: list[str], free: list[str], absent: set[str]
+) -> None:
+    """Without attitudes 12 rows about the boresight came before the focal length, which moves the shift."""
+    overrides = (f"adjustment.observe={json.dumps(observed)}", f"adjustment.free={json.dumps(free)}")
+    found = carry_out(adjustment_alone, RunRequest(flight, tmp_path / "results", overrides=overrides))
+    assert found.error is None, found.error
+    table = pd.read_parquet(found.directory / "model_alternatives.parquet")
+    kinds = set(table["quantity"].map(lambda name: re.sub("_(x|y|z|roll|pitch|yaw)$", "", name)))
+    assert not kinds & absent
+    assert {"focal_length", "principal_point", "control_turn"} <= kinds

@@ -16,7 +16,7 @@ def with_joint_sizes(sizes: list[float]) -> AlternativeTests:
     """Three alternatives of these joint sizes: the first two nearly alike, σ of each alone 0.1."""
     correlation = np.array([[1.0, 0.999, 0.0], [0.999, 1.0, 0.0], [0.0, 0.0, 1.0]])
     normal = correlation / 0.1**2
-    return AlternativeTests(normal @ np.array(sizes), normal, np.zeros((0, 3)))
+    return AlternativeTests(normal @ np.array(sizes), normal, np.zeros((0, 3)), np.ones(3, dtype=bool))
 
 
 def test_of_two_that_are_nearly_alike_the_impossible_one_is_left_out() -> None:
