@@ -21,6 +21,7 @@ from adjust.observations.distance import Distances
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from adjust.quality.cofactor import with_points
+from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.locatability import explanations
 from adjust.quality.rejection import SnoopingRule, estimated_variance, survey_information
 from adjust.quality.single_error import single_errors
@@ -85,7 +86,8 @@ def fitting_again(
         if adjusted.quality.considered is not None:
             come_back = replace(given.image_points, active=alone).only(np.flatnonzero(alone))
             considered = adjusted.quality.considered.covariance_of_rays(come_back, adjusted.state)
-        statistic = _predicted(whitened, outside, considered, unit, rule, variance)
+        own = np.ones(len(whitened))
+        statistic = _predicted(whitened, outside, considered, unit, own, rule, variance)
         rows = np.flatnonzero(alone)
         best = _best_of_points(rows, given.image_points.point[rows], statistic, rule.critical_value)
         back[0][_harmless(adjusted, given, best, rule, variance)] = True
@@ -106,8 +108,8 @@ def fitting_again(
         outside, considered = (
             of_present(group.stochastic, cofactors)[rows] for cofactors in (found.outside, found.considered)
         )
-        whitener = group.stochastic.whitener[rows]
-        statistic = _predicted(found.pull[rows], outside, considered, whitener, rule, variance)
+        whitener, weight = group.stochastic.whitener[rows], found.weight[rows]
+        statistic = _predicted(found.pull[rows], outside, considered, whitener, weight, rule, variance)
         back[k][rows] = statistic <= rule.critical_value
     points, state = _closing_points(adjusted, given, given_up, rule, variance)
     return Return(tuple(back), points, state)
@@ -154,10 +156,14 @@ def _predicted(
     outside: Floats,
     considered: Floats,
     whitener: Floats,
+    weight: Floats,
     rule: SnoopingRule,
     variance: EstimatedVariance | None,
 ) -> Floats:
     """Statistic (n,) that observations which are not used would have if they were.
+
+    Whole observations are tested by what the next pass would test, the directions in which the others
+    control them, and by all directions: an error in one that nothing controls would stay for good.
 
     Parameters
     ----------
@@ -165,6 +171,7 @@ def _predicted(
     outside : (n, m, m) their cofactors, zero for components that are not there.
     considered : (n, m, m) what errors of considered parameters add to them.
     whitener : (n, m, m) or (1, m, m) W; w is a component of Wᵀ z over its root mean square.
+    weight : (n,) T_ii: an eigenvalue of the cofactor is T_ii² over the one inside.
     """
     absent = np.diagonal(outside, axis1=1, axis2=2) == 0.0
     whole = outside + absent[:, :, None] * np.eye(outside.shape[1])
@@ -175,20 +182,23 @@ def _predicted(
         back = np.abs((transposed @ (inverse @ pull[:, :, None]))[:, :, 0])
         squares_of_back = np.diagonal(transposed @ spread @ whitener, axis1=1, axis2=2)
         size = np.where(absent, 0.0, back) / np.sqrt(np.where(absent, 1.0, squares_of_back))
-        squares, dimension = size.max(axis=1) ** 2, np.ones(len(size), dtype=np.int64)
+        tests = [(size.max(axis=1) ** 2, np.ones(len(size), dtype=np.int64))]
     else:
-        squares, dimension = directional_statistic(pull, outside + considered)
+        most = weight[:, None] ** 2 / UNCONTROLLED
+        tests = [directional_statistic(pull, outside + considered, limit) for limit in (np.inf, most)]
     if variance is None:
-        return normal_equivalent(squares, dimension)
+        return np.asarray(np.max([normal_equivalent(*test) for test in tests], axis=0))
     # With the observation back, vᵀPv and the redundancy would be larger by just these.
     more = np.einsum("ni,ni->n", pull, np.linalg.solve(whole, pull[:, :, None])[:, :, 0])
     present = np.sum(~absent, axis=1)
-    statistics = np.zeros(len(squares))
-    for i in range(len(squares)):
+    statistics = np.zeros(len(pull))
+    for i in range(len(pull)):
         with_it = EstimatedVariance(
             variance.weighted_squares + float(more[i]), variance.redundancy + int(present[i])
         )
-        statistics[[i]] = normal_equivalent(squares[[i]], dimension[[i]], with_it)
+        statistics[i] = max(
+            float(normal_equivalent(squares[[i]], dimension[[i]], with_it)[0]) for squares, dimension in tests
+        )
     return statistics
 
 
