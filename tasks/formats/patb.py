@@ -5,13 +5,13 @@ rotation ground from camera, row by row, five and four of them. They are read as
 
 Control: two lists, each ended by −99: point X Y, then point Z, each row with or without the number of an
 accuracy group. A row with three coordinates is a full point. No description of the file by its makers was at
-hand; how many points are known in plan, height and both is said.
+hand; how many points are known in plan, height and both is said, and what may be a height or a group is refused.
 """
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -96,11 +96,15 @@ def read_patb_control(path: Path) -> ControlRecords:
     Raises
     ------
     InputError
-        With file and line: a point twice in a list, fields that are not numbers.
+        With file and line: a point twice in a list, fields that are not numbers, a third number that may be a
+        height or the number of an accuracy group.
     """
     rows: dict[str, int] = {}
     position, at = array("d"), array("q")
     lists = 0
+    # Line, row and number of those that may be either; whether full points have no group.
+    doubtful: list[tuple[int, int, str]] = []
+    full = False
     for number, line in numbered_lines(path):
         fields = line.split()
         if not fields or fields[0].startswith("#"):
@@ -108,8 +112,9 @@ def read_patb_control(path: Path) -> ControlRecords:
         if fields[0] == _END:
             lists += 1
             continue
-        values = numbers_of(path, fields[1:], len(fields) - 1, number, "a coordinate")
-        name, own = fields[0], len(values) - _has_group(fields[1:], 2 if lists == 0 else 1)
+        name, texts, is_plan = fields[0], fields[1:], lists % 2 == 0
+        values = numbers_of(path, texts, len(texts), number, "a coordinate")
+        own = len(values) - (len(texts) > (2 if is_plan else 1) and _may_be_group(texts[-1]))
         row = rows.setdefault(name, len(at))
         if row == _MOST_POINTS:
             raise Location(path, number).error(
@@ -119,23 +124,52 @@ def read_patb_control(path: Path) -> ControlRecords:
         if row == len(at):
             at.append(number)
             position.extend(_UNKNOWN)
-        twice = not np.isnan(position[3 * row + (0 if lists == 0 else 2)])
-        if own == 0 or own > 3 or twice:
-            raise Location(path, number, name).error(
-                "The point is in this list twice." if twice else f"The point has {own} coordinates.",
-                "The first list must contain points with X and Y, the second those with Z.",
-            )
-        if own >= 2:
-            position[3 * row : 3 * row + 2] = array("d", values[:2])
-        if own != 2:
-            position[3 * row + 2] = values[own - 1]
+        # A number alone is a height in any list.
+        given = slice(3 * row, 3 * row + own) if own > 1 else slice(3 * row + 2, 3 * row + 3)
+        _refuse_row(path, name, number, position[given], own, 3 if is_plan else 1)
+        position[given] = array("d", values[:own])
+        if is_plan and len(values) == 3:
+            full = full or own == 3
+            if own == 2:
+                doubtful.append((number, row, texts[-1]))
     table = table_of(position, 3)
+    _refuse_doubtful(path, list(rows), doubtful, table, full=full)
     return control_of(path, list(rows), table, at, remarks=(_counted(path, table),))
 
 
-def _has_group(texts: list[str], usual: int) -> bool:
-    """Whether the last field is the number of an accuracy group: one more than usual, and a small integer."""
-    return len(texts) > 1 and len(texts) != usual and texts[-1].isdecimal() and len(texts[-1]) <= 2
+def _may_be_group(text: str) -> bool:
+    """Whether a field behind the usual ones may be the number of an accuracy group: a small integer."""
+    return text.isdecimal() and len(text) <= 2
+
+
+def _refuse_row(path: Path, name: str, line: int, known: Sequence[float], own: int, most: int) -> None:
+    """Refuse a row with more coordinates than its list may have, or of a point that has them."""
+    if not 0 < own <= most:
+        raise Location(path, line, name).error(
+            f"The point has {own} coordinates in a list of {'plan' if most > 1 else 'heights'}.",
+            "The first list must contain points with X and Y, the second those with Z, both without σ.",
+        )
+    if not np.isnan(known).all():
+        raise Location(path, line, name).error(
+            "The point has these coordinates in another line, too: twice in a list, or a height in both.",
+            "Keep one of the two.",
+        )
+
+
+def _refuse_doubtful(
+    path: Path, names: list[str], doubtful: list[tuple[int, int, str]], position: Floats, *, full: bool
+) -> None:
+    """Refuse rows whose third number, taken for a group, may be a height.
+
+    It is a group if the height is in the other list, or if other heights are and no row has X, Y and Z alone.
+    """
+    known = np.isfinite(position[:, 2])
+    for line, row, text in doubtful:
+        if not known[row] and (full or not known.any()):
+            raise Location(path, line, names[row]).error(
+                f"The third number, {text}, may be a height or the number of an accuracy group.",
+                "Write heights with a decimal point, or delete the numbers of groups.",
+            )
 
 
 def _counted(path: Path, position: Floats) -> str:

@@ -92,7 +92,36 @@ def test_control_of_patb_is_known_in_plan_height_or_both(file):
         [[1.5, 2.5, 10.25], [3, 4, np.nan], [7, 8, 9.5], [np.nan, np.nan, 20.0]],
     )
     assert "2 points known in X, Y and Z, 1 in X and Y, 1 in Z" in records.remarks[0]
-    assert "twice" in refused(read_patb_control, file("A 1 2\nA 1 2\n-99\n")).what
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "line"),
+    [
+        ("A 1 2\nA 1 2\n-99\n", "twice", 2),
+        ("A 1 2 3.5\n-99\nA 4.5\n-99\n", "a height in both", 3),
+        # A height with its σ was a position 412.5, 0.02, and moved a point that had another one.
+        ("A 1 2\n-99\nA 412.5 0.02\n-99\n", "2 coordinates in a list of heights", 3),
+        # Nothing tells a height of 12 m from a group.
+        ("A 500123.1 5300456.2 12\nB 500124.1 5300457.2 8\n-99\n", "The third number, 12, may be", 1),
+        ("A 500123.1 5300456.2 112\nB 500124.1 5300457.2 98\n-99\n", "The third number, 98, may be", 2),
+    ],
+)
+def test_control_of_patb_that_can_mean_two_things_is_refused(file, text, said, line):
+    error = refused(read_patb_control, file(text))
+    assert said in error.what
+    assert error.line == line
+
+
+def test_groups_of_control_of_patb_are_no_heights(file):
+    lists = "A 1.5 2.5 1\nB 3 4 12\n-99\nA 10.25 1\n-99\n"
+    nan = np.nan
+    np.testing.assert_array_equal(
+        read_patb_control(file(lists)).position, [[1.5, 2.5, 10.25], [3, 4, nan]]
+    )
+    full = "A 1.5 2.5 12 1\nB 3 4 1\nC 5\n-99\n-99\nD 7 8\n-99\n"
+    np.testing.assert_array_equal(
+        read_patb_control(file(full)).position, [[1.5, 2.5, 12], [3, 4, nan], [nan, nan, 5], [7, 8, nan]]
+    )
 
 
 def test_orientations_of_bingo_are_in_the_declared_order(file):
