@@ -5,7 +5,8 @@ rotation ground from camera, row by row, five and four of them. They are read as
 
 Control: two lists, each ended by −99: point X Y, then point Z, each row with or without the number of an
 accuracy group. A row with three coordinates is a full point. No description of the file by its makers was at
-hand; how many points are known in plan, height and both is said, and what may be a height or a group is refused.
+hand; how many points are known in plan, height and both is said, and a number that may be a height or a group
+is refused.
 """
 
 from __future__ import annotations

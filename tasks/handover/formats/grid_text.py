@@ -19,6 +19,7 @@ from tasks.handover.delivery import Delivery, Files
 from tasks.handover.distortion_grid import CameraGrids, DistortionGrid
 from tasks.handover.formats.corrected_csv import cameras_csv
 from tasks.handover.formats.numbers import fixed_rows, table
+from tasks.handover.formats.short_names import without_blanks
 
 _DECIMALS_MM, _DECIMALS_UM = 6, 4
 _DIRECTIONS = {
@@ -50,15 +51,25 @@ def gridgroups(delivery: Delivery) -> Files:
     chosen = [one for one in delivery.grids if one.moves]
     if not chosen:
         return {}
+    name_of = dict(
+        zip((one.frame.name for one in delivery.results.cameras), camera_words(delivery), strict=True)
+    )
     return {
-        f"{direction}.dat": "\n".join(line for one in chosen for line in _group(one, direction)) + "\n"
+        f"{direction}.dat": "\n".join(
+            line for one in chosen for line in _group(one, name_of[one.camera], direction)
+        )
+        + "\n"
         for direction in _DIRECTIONS
     }
 
 
-def _group(grids: CameraGrids, direction: str) -> list[str]:
+def camera_words(delivery: Delivery) -> list[str]:
+    """Names of the cameras in grids and in the files that refer to them."""
+    return without_blanks([camera.frame.name for camera in delivery.results.cameras], '"')
+
+
+def _group(grids: CameraGrids, name: str, direction: str) -> list[str]:
     grid: DistortionGrid = getattr(grids, direction)
-    name = grids.camera.replace(" ", "_").replace('"', "_")
     rows = fixed_rows(1e3 * np.concatenate([grid.moved, grid.nodes], axis=2).reshape(-1, 4), _DECIMALS_MM)
     return [
         f'begin gridgroup "{name}"',

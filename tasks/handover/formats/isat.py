@@ -1,10 +1,17 @@
-"""ImageStation (ISAT): the files ``photo`` and ``camera``, ω, φ, κ in degrees, and distortion grids."""
+"""ImageStation (ISAT): the files ``photo`` and ``camera``, ω, φ, κ in degrees, and distortion grids.
+
+Names end at a blank, which becomes "_"; tables say which photo and which strip is which.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import count
+
 from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.formats.grid_text import gridgroups
+from tasks.handover.formats.grid_text import camera_words, gridgroups
 from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles
+from tasks.handover.formats.short_names import renamed, without_blanks
 from tasks.handover.results import CalibratedCamera
 
 
@@ -13,28 +20,45 @@ def write_isat(delivery: Delivery) -> Files:
     pose = delivery.handed.pose
     angles = in_angles(pose.map_from_camera, Angles())
     sigmas = delivery.sigmas.to_numpy(float)
+    images, cameras = without_blanks(delivery.names), camera_words(delivery)
+    strips = list(dict.fromkeys(strip for strip in delivery.results.strips if strip))
+    short = without_blanks(strips)
+    strip_of = {"": _another(short), **dict(zip(strips, short, strict=True))}
     photos = []
     for k, name in enumerate(delivery.names):
         photos += [
-            f"begin photo_parameters {_word(name)} strip_id {_word(delivery.results.strips[k]) or 1}",
-            f" camera_name: {_word(delivery.camera_names[k])}",
+            f"begin photo_parameters {images[k]} strip_id {strip_of[delivery.results.strips[k]]}",
+            f" camera_name: {cameras[delivery.results.images.camera[k]]}",
             f" image_id: {name}",
             f" EO_parameters: {' '.join([*fixed(pose.centre[k], METRES), *fixed(angles[k], ANGLES)])}",
             f" COMPUTED_std_devs: {' '.join([*fixed(sigmas[k, :3], METRES), *fixed(sigmas[k, 3:], ANGLES)])}",
             "end photo_parameters",
         ]
     focal = dict(zip(delivery.camera_names, pose.focal_length, strict=True))
-    cameras = [
-        line for item in delivery.results.cameras for line in _camera(item, float(focal[item.frame.name]))
+    listed = [
+        line
+        for item, name in zip(delivery.results.cameras, cameras, strict=True)
+        for line in _camera(item, name, float(focal[item.frame.name]))
     ]
-    return {"photo": "\n".join(photos) + "\n", "camera": "\n".join(cameras) + "\n", **gridgroups(delivery)}
+    return {
+        "photo": "\n".join(photos) + "\n",
+        "camera": "\n".join(listed) + "\n",
+        **gridgroups(delivery),
+        **renamed("isat_images.csv", "image", images, delivery.names),
+        **renamed("isat_strips.csv", "strip", short, strips),
+    }
 
 
-def _camera(camera: CalibratedCamera, focal_length: float) -> list[str]:
+def _another(strips: Sequence[str]) -> str:
+    """The strip of photos without any: a number that no other strip has."""
+    return next(number for number in map(str, count(1)) if number not in strips)
+
+
+def _camera(camera: CalibratedCamera, name: str, focal_length: float) -> list[str]:
     frame = camera.frame
     x0, y0 = fixed([1e3 * value for value in frame.principal_point], 6)
     return [
-        f"begin camera_parameters {_word(frame.name)}",
+        f"begin camera_parameters {name}",
         f" focal_length: {1e3 * focal_length:.6f}",
         f" ppac: {x0} {y0}",
         f" pixel_size: {1e6 * frame.pixel_size:.6f}",
@@ -44,8 +68,3 @@ def _camera(camera: CalibratedCamera, focal_length: float) -> list[str]:
         " lens_distortion_flag: off",
         "end camera_parameters",
     ]
-
-
-def _word(name: str) -> str:
-    """A name without blanks, at which its names end."""
-    return name.replace(" ", "_")

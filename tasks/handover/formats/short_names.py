@@ -37,12 +37,12 @@ def stems(names: Sequence[str]) -> list[str]:
     return list(image_of)
 
 
-def without_blanks(names: Sequence[str]) -> list[str]:
-    """Names with '_' for every blank; a name already in use gets a number."""
-    kept = {name for name in names if not any(sign.isspace() for sign in name)}
+def without_blanks(names: Sequence[str], others: str = "") -> list[str]:
+    """Names with '_' for every blank, and for these other signs; a name already in use gets a number."""
+    kept = {name for name in names if not any(sign.isspace() or sign in others for sign in name)}
     found = []
     for name in names:
-        short = "".join("_" if sign.isspace() else sign for sign in name)
+        short = "".join("_" if sign.isspace() or sign in others else sign for sign in name)
         if name not in kept:
             wanted, number = short, 2
             while short in kept:

@@ -8,6 +8,7 @@ of WGS 84. The time of an image is known as the day of the flight.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -44,24 +45,29 @@ def write_stac(delivery: Delivery) -> Files:
     rings = np.rad2deg(geodetic[:, 1::-1]).reshape(len(below), -1, 2).round(9)
     items = [f"item_{k}.json" for k in range(1, len(rings) + 1)]
     files = {
-        name: json.dumps(_item(delivery, k, rings[k]), indent=1, ensure_ascii=False) + "\n"
-        for k, name in enumerate(items)
+        name: json.dumps(_item(delivery, k, identifier, rings[k]), indent=1, ensure_ascii=False) + "\n"
+        for k, (name, identifier) in enumerate(zip(items, _identifiers(delivery.names), strict=True))
     }
     return {**files, "collection.json": json.dumps(_collection(delivery, rings, items), indent=1) + "\n"}
 
 
-def _item(delivery: Delivery, k: int, ring: Floats) -> dict[str, object]:
+def _identifiers(names: Sequence[str]) -> list[str]:
+    """Names without folder and ending of the file; whole names if these are not unique in the collection."""
+    short = [stem(name) for name in names]
+    return short if len(set(short)) == len(short) else list(names)
+
+
+def _item(delivery: Delivery, k: int, identifier: str, ring: Floats) -> dict[str, object]:
     pose, place = delivery.handed.pose, delivery.results.images.map_frame
     begin, end = _day(delivery)
     angles = in_angles(pose.map_from_camera[k : k + 1], Angles())[0].round(ANGLES).tolist()
     authority = place.crs.to_authority()
     epsg = authority is not None and authority[0] == "EPSG"
-    name = delivery.names[k]
     return {
         "type": "Feature",
         "stac_version": _VERSION,
         "stac_extensions": [_EXTENSION],
-        "id": stem(name),
+        "id": identifier,
         "collection": delivery.results.name,
         "bbox": _box(ring),
         "geometry": {"type": "Polygon", "coordinates": [ring.tolist()]},
@@ -79,7 +85,7 @@ def _item(delivery: Delivery, k: int, ring: Floats) -> dict[str, object]:
             {"rel": "self", "href": f"./item_{k + 1}.json", "type": "application/geo+json"},
             {"rel": "collection", "href": "./collection.json", "type": "application/json"},
         ],
-        "assets": {"image": {"href": name, "roles": ["data"]}},
+        "assets": {"image": {"href": delivery.names[k], "roles": ["data"]}},
     }
 
 

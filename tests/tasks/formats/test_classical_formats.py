@@ -115,9 +115,7 @@ def test_control_of_patb_that_can_mean_two_things_is_refused(file, text, said, l
 def test_groups_of_control_of_patb_are_no_heights(file):
     lists = "A 1.5 2.5 1\nB 3 4 12\n-99\nA 10.25 1\n-99\n"
     nan = np.nan
-    np.testing.assert_array_equal(
-        read_patb_control(file(lists)).position, [[1.5, 2.5, 10.25], [3, 4, nan]]
-    )
+    np.testing.assert_array_equal(read_patb_control(file(lists)).position, [[1.5, 2.5, 10.25], [3, 4, nan]])
     full = "A 1.5 2.5 12 1\nB 3 4 1\nC 5\n-99\n-99\nD 7 8\n-99\n"
     np.testing.assert_array_equal(
         read_patb_control(file(full)).position, [[1.5, 2.5, 12], [3, 4, nan], [nan, nan, 5], [7, 8, nan]]

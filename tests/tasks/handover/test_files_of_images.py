@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from tasks.errors import InputError
+from tasks.formats.isat import read_isat_cameras, read_isat_exposures
 from tasks.handover.formats.register import REGISTER
 from tests.tasks.handover.flown_block import Flight, delivered, flown
 
@@ -39,3 +40,33 @@ def test_stac_items_of_numbered_frames_have_different_identifiers():
     files = files_of("stac", ("101.0001", "101.0002", "7_0003.tif", "7_0004.tif"))
     found = [json.loads(files[f"item_{k}.json"])["id"] for k in range(1, 5)]
     assert found == ["101.0001", "101.0002", "7_0003", "7_0004"]
+
+
+def test_stac_items_of_files_of_one_name_in_two_folders_have_different_identifiers():
+    files = files_of("stac", ("a/1.tif", "2.tif", "b/1.tif", "b/3.tif"))
+    found = [json.loads(files[f"item_{k}.json"])["id"] for k in range(1, 5)]
+    assert found == ["a/1.tif", "2.tif", "b/1.tif", "b/3.tif"]
+
+
+def test_photos_strips_and_cameras_of_isat_stay_different_and_have_a_table(tmp_path):
+    names = ("1 a", "1_a", "2 a", "1 a.tif")
+    results, points = flown(Flight(corrections=True))
+    cameras = tuple(
+        replace(one, frame=replace(one.frame, name=name))
+        for one, name in zip(results.cameras, ("UC A", "UC_A"), strict=True)
+    )
+    results = replace(
+        results, images=replace(results.images, names=names), cameras=cameras, strips=("s 1", "s_1", "1", "")
+    )
+    files = REGISTER["isat"].write(delivered(results, points, "isat"))
+    for name in ("photo", "camera"):
+        (tmp_path / name).write_text(files[name])
+    photos = read_isat_exposures(tmp_path / "photo", "omega-phi-kappa")
+    assert photos.image.to_pylist() == ["1_a_2", "1_a", "2_a", "1_a.tif"]
+    assert photos.strip.to_pylist() == ["s_1_2", "s_1", "1", "2"]
+    assert photos.camera.to_pylist() == ["UC_A_2", "UC_A"] * 2
+    assert list(read_isat_cameras(tmp_path / "camera")) == ["UC_A_2", "UC_A"]
+    groups = [line for line in files["ideal_from_measured.dat"].splitlines() if "camera_name" in line]
+    assert groups == [' camera_name: "UC_A_2"', ' camera_name: "UC_A"']
+    assert files["isat_images.csv"].splitlines()[1] == "1_a_2,1 a"
+    assert files["isat_strips.csv"].splitlines()[1] == "s_1_2,s 1"
