@@ -21,7 +21,7 @@ import numpy as np
 from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
 from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, fixed_rows, in_angles, table
+from tasks.handover.formats.numbers import ANGLES, METRES, fixed, fixed_rows, in_angles, known, table
 from tasks.handover.formats.world_points import object_points, straight_image_points, surveyed_points
 
 _XYZ = ("x", "y", "z")
@@ -90,8 +90,8 @@ def _orientations(delivery: Delivery) -> str:
             strips[k],
             *fixed(pose.centre[k], METRES),
             *fixed(angles[k], ANGLES),
-            *_known(sigmas[k, :3], METRES),
-            *_known(sigmas[k, 3:], ANGLES),
+            *known(sigmas[k, :3], METRES),
+            *known(sigmas[k, 3:], ANGLES),
         ]
         for k, name in enumerate(delivery.names)
     )
@@ -101,12 +101,7 @@ def _orientations(delivery: Delivery) -> str:
 
 def _points(names: Sequence[str], place: Floats, sigma: Floats, role: Sequence[str] = ()) -> str:
     rows = [
-        [name, *_known(place[k], METRES), *_known(sigma[k], METRES), *role[k : k + 1]]
+        [name, *known(place[k], METRES), *known(sigma[k], METRES), *role[k : k + 1]]
         for k, name in enumerate(names)
     ]
     return table(["point", *_XYZ, *_SIGMA_XYZ, *(["role"] if role else [])], rows)
-
-
-def _known(values: Iterable[float], decimals: int) -> list[str]:
-    """Numbers; empty where one is not known."""
-    return [text if text != "nan" else "" for text in fixed(values, decimals)]

@@ -43,6 +43,11 @@ def fixed(values: Iterable[float], decimals: int) -> list[str]:
     ]
 
 
+def known(values: Iterable[float], decimals: int) -> list[str]:
+    """The same; empty where one is not known."""
+    return [text if text != "nan" else "" for text in fixed(values, decimals)]
+
+
 def fixed_rows(values: Floats, decimals: int) -> list[list[str]]:
     """Rows (n, k) of numbers with this many decimals, as ``fixed``."""
     cells, width = fixed(values.ravel(), decimals), values.shape[1]

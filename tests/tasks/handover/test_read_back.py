@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -189,6 +190,21 @@ def test_the_reference_table_of_metashape_has_positions_angles_and_their_accurac
     table = block.orientations.to_numpy(float)
     np.testing.assert_allclose(records.sigma_position, table[:, :3], atol=0.6e-4)
     np.testing.assert_allclose(records.sigma_angles, table[:, 3:], atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["eo-csv", "corrected-csv", "metashape"])
+def test_standard_deviations_that_are_not_known_are_empty(block, name, tmp_path):
+    """Of a block that is converted without adjustment, some images have no attitude or no position."""
+    sigmas = block.orientations.copy()
+    sigmas.iloc[1, 3:] = np.nan
+    sigmas.iloc[2] = np.nan
+    unknown = replace(block, orientations=sigmas)
+    records = read_back(unknown, name, tmp_path)
+    assert not any("nan" in file.read_text() for file in tmp_path.iterdir())
+    if name != "metashape":
+        np.testing.assert_allclose(
+            np.hstack([records.sigma_position, records.sigma_angles]), sigmas.to_numpy(float), atol=0.6e-4
+        )
 
 
 def test_standard_deviations_are_the_same(block, tmp_path):
