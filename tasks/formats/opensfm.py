@@ -7,7 +7,8 @@
 | ``gcp_list.txt`` | CRS in the first line, then x y z column row image and a name; points without a name are distinguished by their coordinates |
 | ``geo.txt`` | CRS in the first line, then image x y z and, not read, angles |
 
-A point of ``gcp_list.txt`` whose name begins with ``CHK-`` is a check point.
+A point of ``gcp_list.txt`` whose name begins with ``CHK-`` is a check point. Names may have blanks if tabulators
+separate the fields.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -49,9 +50,11 @@ from tasks.formats.records import (
 )
 from tasks.formats.rigs import Rigs, with_rigs
 from tasks.formats.text_table import read_bytes
+from tasks.plain_text import quoted
 
 _CHECK = "CHK-"
 _UTM = re.compile(r"WGS84\s+UTM\s+(\d{1,2})\s*([NS])", re.IGNORECASE)
+_IMAGE_FILE = re.compile(r"\.(tiff?|jpe?g|png|dng|jp2)$", re.IGNORECASE)
 _TRACKS = re.compile(r"OPENSFM_TRACKS_VERSION_v[12]$")
 
 
@@ -194,7 +197,8 @@ def read_odm_control(path: Path) -> ControlRecords:
         known = found.setdefault(name, (position, number))
         if not np.array_equal(known[0], position, equal_nan=True):
             raise Location(path, number, name).error(
-                f"The point has other coordinates in line {known[1]}.", "Correct one of the two."
+                f"The point has other coordinates in line {known[1]}.",
+                "Correct one of the two. A name ends at a blank, unless tabulators separate the fields.",
             )
     role = ["check" if name.startswith(_CHECK) else "control" for name in found]
     positions, at = [value[0] for value in found.values()], [value[1] for value in found.values()]
@@ -224,13 +228,20 @@ def _gcp_list(
     """Name, coordinates, pixel, image and number of every line."""
     names: dict[tuple[float, ...], str] = {}
     for number, line in rows:
-        fields = line.split("\t") if line.count("\t") >= 5 else line.split()
+        tabbed = line.count("\t") >= 5
+        fields = line.split("\t") if tabbed else line.split()
         x, y = numbers_of(path, fields, 2, number, "x, y, z, column, row, image")
         z = float("nan") if len(fields) > 2 and fields[2].lower() in ("", "nan") else None
         column_row = numbers_of(path, fields[3:], 2, number, "x, y, z, column, row, image")
         height = number_of(path, fields[2], number, "z of the point") if z is None else z
         if len(fields) < 6:
             raise Location(path, number).error("The line contains no image.", "Add it.")
+        goes_on = len(fields) > 6 and not tabbed and _IMAGE_FILE.search(fields[6])
+        if goes_on and not _IMAGE_FILE.search(fields[5]):
+            raise Location(path, number).error(
+                f"The name of the image, {quoted(fields[5])}, seems to go on with {quoted(fields[6])}.",
+                "Separate the fields by tabulators if names contain blanks.",
+            )
         # Not a number is not itself, and would make of each row a point of its own.
         key = (x, y, -1e15 if np.isnan(height) else height)
         name = fields[6].strip() if len(fields) > 6 and fields[6].strip() else None

@@ -7,6 +7,7 @@ project file declares: µm in old PATB projects, else mm.
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections.abc import Iterable
 from pathlib import Path
@@ -20,6 +21,8 @@ from tasks.magnitude import HUGE
 from tasks.plain_text import quoted
 
 _END = "-99"
+# Within a name the sign belongs to it.
+_COMMENT = re.compile(r"(^|\s)#.*")
 
 
 def read_photo_lists(path: Path) -> ImagePointRecords:
@@ -36,7 +39,7 @@ def read_photo_lists(path: Path) -> ImagePointRecords:
         texts: list[str] = []
         begin = len(at)
         for number, line in enumerate(lines, start=first):
-            words = (line if "#" not in line else line.partition("#")[0]).split(None, 3)
+            words = (line if "#" not in line else _COMMENT.sub("", line)).split(None, 3)
             if not words:
                 continue
             if words[0] == _END:

@@ -56,6 +56,7 @@ def statement(delivery: Delivery, form: DeliveryFormat, *, adjusted: bool = True
         *(_about_rigs(delivery, form) if form.oriented else ()),
         *_about_mean_residuals(delivery, form),
         *_about_grids(delivery, form),
+        *_about_blanks(delivery, form),
         *(_about_fit(delivery) if form.oriented else ()),
     ]
     if not form.seen:
@@ -199,6 +200,18 @@ def _about_grids(delivery: Delivery, form: DeliveryFormat) -> list[str]:
             "apply any other distortion of the camera."
         )
     return found
+
+
+def _about_blanks(delivery: Delivery, form: DeliveryFormat) -> list[str]:
+    """Of names that OpenDroneMap does not read whole."""
+    blank = [name for name in delivery.names if any(sign.isspace() for sign in name)]
+    on_earth = isinstance(delivery.results.images.frame, TopocentricFrame)
+    if form.name != "opensfm" or not blank or not on_earth:
+        return []
+    return [
+        f"OpenDroneMap ends the names of images at a blank ({blank[0]}): geo.txt is not written, and it does "
+        "not find these images in gcp_list.txt. Rename them before the adjustment if it is to use the lists."
+    ]
 
 
 def _about_mean_residuals(delivery: Delivery, form: DeliveryFormat) -> list[str]:

@@ -1,8 +1,8 @@
 """BINGO: ``image.dat``, ``geoin.dat`` and ``itera.dat``.
 
 Image points are in mm from the principal point, corrected by the additional parameters; φ, ω, κ of R = R_y(φ) R_x(ω) R_z(κ) are in gon.
-Control and check points without one of their coordinates are left out. Names end at a blank, which becomes "_"; tables say which
-is which.
+Control and check points without one of their coordinates are left out. Names end at a blank, which becomes "_", as "#" does, which
+begins a comment; tables say which is which.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ from tasks.handover.formats.world_points import (
 )
 
 _DECIMALS_MM = 7
+_COMMENT = "#"
 
 
 def write_bingo(delivery: Delivery) -> Files:
     """The three files, and tables of the names that had to be changed."""
-    images = without_blanks(delivery.names)
+    images = without_blanks(delivery.names, _COMMENT)
     all_points = list(dict.fromkeys((*delivery.points.names, *delivery.points.surveyed.names)))
-    short = without_blanks(all_points)
+    short = without_blanks(all_points, _COMMENT)
     points = dict(zip(all_points, short, strict=True))
-    cameras = without_blanks([camera.frame.name for camera in delivery.results.cameras])
+    cameras = without_blanks([camera.frame.name for camera in delivery.results.cameras], _COMMENT)
     return {
         "image.dat": _image_points(delivery, images, cameras, points),
         "geoin.dat": _control(delivery, cameras, points),

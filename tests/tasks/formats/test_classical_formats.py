@@ -72,11 +72,11 @@ def test_damaged_orientations_of_patb_are_named(file, old, new, said, line):
 def test_lists_of_image_points_end_with_minus_99(file):
     text = (
         "  1001  120000.000\n 5000001 -34210.4 12988.7\n 5000002 10233.1 -20871.9 1\n -99\n"
-        "# next\n\nIMG 2 CAM\nT1 1 2\n"
+        "# next\n\nIMG#1 2 CAM # camera\nT#1 1 2 #3\n"
     )
     records = read_photo_lists(file(text))
-    assert records.image.to_pylist() == ["1001", "1001", "IMG"]
-    assert records.point.to_pylist() == ["5000001", "5000002", "T1"]
+    assert records.image.to_pylist() == ["1001", "1001", "IMG#1"]
+    assert records.point.to_pylist() == ["5000001", "5000002", "T#1"]
     assert records.xy.tolist() == [[-34210.4, 12988.7], [10233.1, -20871.9], [1.0, 2.0]]
     assert records.line.tolist() == [2, 3, 8]
     error = refused(read_photo_lists, file("1001\n1 2 3\n1002\n1 2 3\n-99\n"))
@@ -411,6 +411,20 @@ def test_check_points_and_heights_that_are_not_known_in_a_gcp_list(file):
     other = text + "1 2 3 4 5 c.tif 2001\n"
     assert "other coordinates in line 3" in refused(opensfm.read_odm_control, file(other)).what
     assert "state a CRS" in refused(opensfm.read_odm_control, file("1 2 3 4 5 a.tif\n")).what
+
+
+def test_names_with_blanks_of_a_gcp_list_need_tabulators(file):
+    row = "500123.4 5300456.7 412.3 4012.6 3001.2 img 1.tif GCP 1"
+    for reader in (opensfm.read_odm_control, opensfm.read_odm_measurements):
+        error = refused(reader, file(f"EPSG:25832\n{row}\n"))
+        assert "'img', seems to go on with '1.tif'" in error.what
+        assert error.line == 2
+        assert "tabulators" in error.remedy
+    names = "EPSG:25832\n1 2 3 4 5 a.tif GCP 1\n6 7 8 9 10 a.tif GCP 2\n"
+    assert "tabulators" in refused(opensfm.read_odm_control, file(names)).remedy
+    tabbed = row.replace(" ", "\t").replace("img\t", "img ").replace("GCP\t", "GCP ")
+    records = opensfm.read_odm_measurements(file(f"EPSG:25832\n{tabbed}\n"))
+    assert (records.image[0].as_py(), records.point[0].as_py()) == ("img 1.tif", "GCP 1")
 
 
 def test_positions_of_a_geo_file_have_no_angles(file):

@@ -205,6 +205,14 @@ def test_mean_residuals_of_the_shape_of_a_lens_are_in_its_coefficients(refracted
         assert abs(moved.models[k].distortion["k1"] - plain.models[k].distortion["k1"]) > 1e-5
 
 
+def test_the_statement_says_which_lists_of_opendronemap_lack_names_with_blanks():
+    results, points = flown(Flight())
+    text = " ".join(statement(delivered(results, points, "opensfm"), REGISTER["opensfm"]).split())
+    assert "ends the names of images at a blank (1 a.tif): geo.txt is not written" in text
+    named = replace(results, images=replace(results.images, names=("1", "2", "3", "4")))
+    assert "blank" not in statement(delivered(named, points, "opensfm"), REGISTER["opensfm"])
+
+
 def test_the_statement_says_where_mean_residuals_and_refraction_are():
     results, points = with_mean_residuals(Flight(refracted=True, corrections=True))
     texts = {
