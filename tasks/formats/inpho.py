@@ -8,7 +8,7 @@
 | ``$CONTROL_POINTS`` | id, X, Y, Z |
 
 Rotations are read as ω, φ, κ in degrees. ``$COORDINATE_SYSTEM`` is compared with the declared CRS where it is
-well-known text. Blocks that are not named here are passed over.
+well-known text. What is not named here, and would count, is said with the orientations.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from tasks.errors import Location
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
+    NotTaken,
     control_of,
     degrees_of_rotations,
     exposures_of,
@@ -46,6 +47,10 @@ _BLANK = re.compile(r"(?<!\\)\s+")
 # Lines of control points that are in memory together.
 _TOGETHER = 10_000
 _CAMERAS = ("CAMERA", "CAMERA_DEFINITION")
+_READ = ("PROJECT", "PHOTO", "CONTROL_POINTS", *_CAMERAS)
+# What would count if it is on, or not zero.
+_SWITCHES = ("CURV_CORR_DEFAULT", "REFRACT_CORR_DEFAULT")
+_MOUNTING = ("GPS_ANTENNA_OFFSET", "CAMERA_MOUNT_ROTATION", "INS_BORESIGHT_ALIGNMENT")
 
 
 @dataclass
@@ -137,7 +142,9 @@ def read_inpho_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     """
     image, camera, position, rotation, at = [], [], [], [], []
     crs = None
+    rest = NotTaken()
     for block in _blocks(path):
+        rest.add(_not_taken(block))
         if block.name == "PROJECT":
             crs = _well_known_text(block)
         if block.name != "PHOTO" or "EXT_ORI" not in block.values:
@@ -154,7 +161,35 @@ def read_inpho_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     ground_from_camera = np.array(rotation).reshape(-1, 3, 3).transpose(0, 2, 1)
     angles = degrees_of_rotations(path, ground_from_camera, image, at)
     states = FileStatement(crs=crs, order="omega-phi-kappa")
-    return exposures_of(path, image, position, angles, at, camera=camera, unit="deg", states=states)
+    return exposures_of(
+        path,
+        image,
+        position,
+        angles,
+        at,
+        camera=camera,
+        unit="deg",
+        states=states,
+        remarks=rest.remarks(path),
+    )
+
+
+def _not_taken(block: _Block) -> Iterator[str]:
+    """What of a block no reader here takes over."""
+    if block.name not in _READ:
+        yield f"${block.name}"
+    elif block.name == "PROJECT":
+        yield from (f"${key} : on" for key in _SWITCHES if block.words(key) == ["on"])
+    elif block.name == "PHOTO":
+        yield from () if "EXT_ORI" in block.values else ("$PHOTO without $EXT_ORI",)
+        yield from ("$FIDUCIALS",) if "FIDUCIALS" in block.values else ()
+    elif block.name in _CAMERAS:
+        of_camera = _calibrated(block)
+        yield from (f"${key}" for key in _MOUNTING if any(map(_is_given, of_camera.words(key))))
+
+
+def _is_given(number: str) -> bool:
+    return bool(number.strip("+-0."))
 
 
 def _well_known_text(block: _Block) -> str | None:
@@ -195,12 +230,14 @@ def read_inpho_control(path: Path) -> ControlRecords:
     point: list[str] = []
     position, at = array("d"), array("q")
     crs = None
+    rest = NotTaken()
     for block in _blocks(path):
         if block.name == "PROJECT":
             crs = _well_known_text(block)
         if block.name != "CONTROL_POINTS":
             continue
         for one in block.inner:
+            rest.add(f"${key}" for key in one.values if key not in ("ID", "POSITION"))
             point.append(one.name_of(path, "ID"))
             position.extend(one.numbers(path, "POSITION", 3, "X, Y, Z"))
             at.append(one.line)
@@ -208,7 +245,10 @@ def read_inpho_control(path: Path) -> ControlRecords:
             point.append(words[0])
             position.extend(numbers_of(path, words[1:], 3, number, "X, Y, Z"))
             at.append(number)
-    return control_of(path, point, table_of(position, 3), at, states=FileStatement(crs=crs))
+            rest.add(f"type {text}" for text in words[4:5])
+    return control_of(
+        path, point, table_of(position, 3), at, states=FileStatement(crs=crs), remarks=rest.remarks(path)
+    )
 
 
 def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:

@@ -1,7 +1,8 @@
 """ImageStation (ISAT): the files ``photo``, ``camera`` and ``control``.
 
 Each entry stands between ``begin KIND NAME`` and ``end KIND``; a line is a keyword (with or without a colon)
-and its values. Orientations are X, Y, Z, ω, φ, κ in metres and degrees; unknown keywords are passed over.
+and its values. Orientations are X, Y, Z, ω, φ, κ in metres and degrees; other entries and keywords of
+``photo`` are named.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import control_of, exposures_of, number_of, numbers_of
+from tasks.formats.plain_records import NotTaken, control_of, exposures_of, number_of, numbers_of
 from tasks.formats.records import (
     AngleOrder,
     CameraRecord,
@@ -24,6 +25,8 @@ from tasks.formats.records import (
 )
 
 _POINTS = "control_points"
+# Of a photo, what is read or changes nothing.
+_READ = ("eo_parameters", "camera_name", "computed_std_devs", "image_id", "key")
 # Rows of control points that are in memory together.
 _TOGETHER = 10_000
 
@@ -48,7 +51,8 @@ class _Entry:
         return numbers_of(path, words, count, number, what)
 
 
-def _entries(path: Path, kind: str) -> Iterator[_Entry]:
+def _entries(path: Path, kind: str, others: NotTaken | None = None) -> Iterator[_Entry]:
+    """The entries of a kind; those of other kinds are counted."""
     entry: _Entry | None = None
     for number, line in numbered_lines(path):
         words = line.split()
@@ -58,6 +62,8 @@ def _entries(path: Path, kind: str) -> Iterator[_Entry]:
         if first == "begin" and len(words) > 1:
             if entry is None and words[1].lower() == kind:
                 entry = _Entry(kind, words[2:], number)
+            elif others is not None:
+                others.add([words[1].lower()])
         elif first == "end" and len(words) > 1:
             if entry is not None and words[1].lower() == kind:
                 yield entry
@@ -90,7 +96,9 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     """
     image, camera, strip, at = [], [], [], []
     values, sigmas = array("d"), array("d")
-    for entry in _entries(path, "photo_parameters"):
+    rest = NotTaken()
+    for entry in _entries(path, "photo_parameters", rest):
+        rest.add(key for key in entry.values if key not in _READ)
         title = entry.title
         if not title:
             raise Location(path, entry.line).error("The photo has no name.", "Give it a name.")
@@ -117,6 +125,7 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         sigma_angles=known_to[:, 3:],
         unit="deg",
         states=FileStatement(order="omega-phi-kappa"),
+        remarks=rest.remarks(path),
     )
 
 

@@ -205,6 +205,28 @@ def test_a_project_of_inpho_is_read(file):
     assert camera.principal_point_mm == (0.01, -0.02)
 
 
+def test_what_is_not_taken_over_of_a_project_of_inpho_is_said_once(file):
+    assert inpho.read_inpho_exposures(file(INPHO), ORDER).remarks == ()
+    more = (
+        INPHO.replace("  $COORDINATE_SYSTEM", "  $CURV_CORR_DEFAULT : on\n  $COORDINATE_SYSTEM")
+        .replace(
+            "    $FOCAL_LENGTH : 100.5", "    $FOCAL_LENGTH : 100.5\n    $GPS_ANTENNA_OFFSET : 0.0 0.1 -0.2"
+        )
+        .replace("  $CCD_ROWS", "  $CAMERA_MOUNT_ROTATION : 0.000000\n  $CCD_ROWS")
+    )
+    more += (
+        "$PHOTO\n  $PHOTO_NUM : 9\n$END\n$PHOTO\n  $PHOTO_NUM : 10\n$END\n"
+        "$NAVIGATION\n  $PHOTO_NUM : 9\n  $GPS : 1 2 3\n$ENDNAV\n$DESCRIPTIONS\n 0 Undefined\n$END\n"
+    )
+    records = inpho.read_inpho_exposures(file(more), ORDER)
+    assert records.image.to_pylist() == ["1_0001"]
+    assert records.remarks == (
+        "file.txt: not taken over: $CURV_CORR_DEFAULT : on, $GPS_ANTENNA_OFFSET, "
+        "$PHOTO without $EXT_ORI (2), $NAVIGATION, $DESCRIPTIONS.",
+    )
+    assert inpho.read_inpho_control(file(INPHO)).remarks == ("file.txt: not taken over: type HV.",)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -241,6 +263,11 @@ def test_photos_of_isat_are_read_with_or_without_colons(file):
     assert records.angles.tolist() == [[0.01234, -0.2231, 89.7654]]
     assert records.strip.to_pylist() == ["1"]
     assert records.sigma_position.tolist() == [[0.021, 0.02, 0.03]]
+    assert records.remarks == ("file.txt: not taken over: photo_measurements.",)
+    more = ISAT.replace(" camera_name", " camera_orientation: 90\n image_id: a b\n camera_name")
+    assert isat.read_isat_exposures(file(more * 2), ORDER).remarks == (
+        "file.txt: not taken over: camera_orientation (2), photo_measurements (2).",
+    )
     assert (
         "lacks eo_parameters"
         in refused(isat.read_isat_exposures, file(ISAT.replace("EO_parameters", "XX")), ORDER).what
