@@ -3,7 +3,7 @@
 Comments begin with ``%``; the last of them heads the columns: time (``GPST`` or ``UTC``, as a date or as week
 and second), ``latitude(deg)``, ``longitude(deg)``, ``height(m)``, Q, ns, standard deviations and covariances
 north, east, up, …, and velocities where they were written. Q: 1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6
-PPP.
+PPP. Another comment says ``lat/lon/height=WGS84/ellipsoidal``; ``geodetic`` heights are above a geoid.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ _PLACE = ("latitude(deg)", "longitude(deg)", "height(m)")
 _SIGMA = ("sde(m)", "sdn(m)", "sdu(m)")
 _VELOCITY = ("ve(m/s)", "vn(m/s)", "vu(m/s)")
 _NEEDED = (*_PLACE, "Q")
+_ABOVE_GEOID = re.compile(r"lat/lon/height\s*=[^/]*/\s*geodetic", re.IGNORECASE)
 _FIELDS = re.compile(r"\s*,\s*|\s+")
 
 
@@ -39,12 +40,18 @@ def read_rtklib(path: Path) -> TrajectoryRecords:
     Raises
     ------
     InputError
-        With file and line: headings or fields missing, another clock, times that do not ascend.
+        With file and line: headings or fields missing, another clock, heights above a geoid, times that do
+        not ascend.
     """
     head: list[str] = []
     time, values, at = array("d"), array("d"), array("q")
     for number, line in numbered_lines(path):
         if line.startswith("%"):
+            if _ABOVE_GEOID.search(line):
+                raise Location(path, number).error(
+                    "The heights are above the geoid of RTKLIB (lat/lon/height=…/geodetic).",
+                    "Write ellipsoidal heights (RTKLIB: out-height = ellipsoidal).",
+                )
             named = _split(line.lstrip("%"))
             head = named if "Q" in named else head
             continue

@@ -22,6 +22,7 @@ _PIECE = 4_000_000
 # A quotation mark that is open for so many pieces is never closed.
 _MOST_OPEN = 2
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +51,13 @@ class DeliveredLines:
         Raises
         ------
         InputError
-            If it cannot be read (`tasks.files.delivered_file`), is empty, has more lines than this
-            installation reads, or one longer than any row can be.
+            If it cannot be read (`tasks.files.delivered_file`), is empty or in UTF-16, has more lines than
+            this installation reads, or one longer than any row can be.
         """
         lines, size, blank, is_utf8 = 1, 0, True, True
         for piece in _pieces(file, lone_return):
+            if size == 0 and piece.startswith(_UTF_16):
+                raise Location(file).error("The file is text in UTF-16.", "Save it as UTF-8.")
             _refuse_long_line(piece, file, lines)
             lines, size = lines + line_feeds(piece), size + len(piece)
             blank = blank and piece.isspace()

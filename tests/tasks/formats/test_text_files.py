@@ -6,6 +6,7 @@ import pytest
 from tasks.errors import InputError
 from tasks.formats import text_lines
 from tasks.formats.native_csv import read_csv_control, read_csv_exposures, read_csv_image_points
+from tasks.formats.photo_lists import read_photo_lists
 from tasks.formats.register import CONTROL_FORMATS, EXPOSURE_FORMATS, IMAGE_POINT_FORMATS
 
 
@@ -50,6 +51,16 @@ def test_line_ends_blank_lines_and_a_byte_order_mark_do_not_matter(file, end):
     records = read_csv_image_points(file(text))
     assert records.xy.tolist() == [[1.0, 2.0], [3.0, 4.0]]
     assert records.image.to_pylist() == ["I1", "I2"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_text_in_utf_16_is_named(file, encoding):
+    """As spreadsheets ("Unicode text") and the output of PowerShell are saved."""
+    content = "\ufeffimage,point,x,y\nI1,P1,1,2\n".encode(encoding)
+    for reader in (read_csv_image_points, read_photo_lists):
+        error = refused(reader, file(content))
+        assert "UTF-16" in error.what
+        assert error.remedy == "Save it as UTF-8."
 
 
 def test_lines_are_counted_as_an_editor_shows_them(file):

@@ -125,6 +125,19 @@ def test_damage_of_a_solution_is_named_with_its_line(tmp_path, old, new, line, s
     assert error.line == line
 
 
+def test_a_solution_with_heights_above_a_geoid_is_refused(tmp_path):
+    """Which the sound file does not say; RTKLIB writes it above the headings."""
+    text, said = (
+        content_of(("trajectory", "rtklib")).decode(),
+        "% (lat/lon/height=WGS84/{},Q=1:fix,2:float)\n",
+    )
+    (tmp_path / "e.pos").write_text(said.format("ellipsoidal") + text)
+    assert len(read_rtklib(tmp_path / "e.pos").time_s) > 1
+    error = refusal(read_rtklib, tmp_path / "a.pos", said.format("geodetic") + text)
+    assert "above the geoid" in error.what
+    assert error.line == 1
+
+
 def test_marks_have_the_camera_and_the_way_to_it(tmp_path):
     path = tmp_path / "a.MRK"
     path.write_text(MRK + MRK.replace("1\t", "2\t", 1).replace("50,Q", "0,Q"))
