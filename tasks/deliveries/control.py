@@ -15,7 +15,7 @@ from tasks.coordinates.datum_change import Transfer
 from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.deliveries.exposures import turned_sigmas
 from tasks.deliveries.extra_columns import about_extra, joined
-from tasks.deliveries.file_statement import refuse_other_statement
+from tasks.deliveries.file_statement import about_stated_heights, refuse_other_statement
 from tasks.deliveries.length_units import control_in_metres
 from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
 from tasks.deliveries.source_rows import METRES, Places, about_missing_sigmas, refuse_sigmas
@@ -67,6 +67,11 @@ def control_columns(
     columns |= dict(zip(names, np.concatenate([e.sigma for e in inputs]).T, strict=True))
     remarks = (
         *(remark for r in records for remark in r.remarks),
+        *(
+            remark
+            for r, source in zip(records, sources, strict=True)
+            for remark in about_stated_heights(r.file, r.states, source.heights)
+        ),
         *(
             remark
             for r in records

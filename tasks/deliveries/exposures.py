@@ -30,7 +30,7 @@ from tasks.deliveries.exposure_angles import (
     unit_suspicion,
 )
 from tasks.deliveries.extra_columns import about_extra, joined
-from tasks.deliveries.file_statement import refuse_other_statement
+from tasks.deliveries.file_statement import about_stated_heights, refuse_other_statement
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.length_units import exposures_in_metres
 from tasks.deliveries.map_adjustment import true_orientations
@@ -189,6 +189,7 @@ def _converted(
         source.position,
         (
             *records.remarks,
+            *about_stated_heights(source.file, records.states, source.heights),
             *(problem for problem in problems if problem is not None),
             *about_missing_sigmas(
                 records.file,

@@ -76,6 +76,6 @@ def check_usable(crs: pyproj.CRS, name: str) -> None:
     if crs.is_projected and any(abs(axis.unit_conversion_factor - 1.0) > 1e-12 for axis in crs.axis_info):
         raise InputError(
             f"This CRS is in {crs.axis_info[0].unit_name}, but coordinates must be in metres.",
-            "Convert the coordinates into the metric CRS of the same zone.",
+            "Give the metric CRS of the same zone, and length_unit for coordinates in feet.",
             entity=name,
         )

@@ -50,6 +50,7 @@ _CAMERAS = ("CAMERA", "CAMERA_DEFINITION")
 _READ = ("PROJECT", "PHOTO", "CONTROL_POINTS", *_CAMERAS)
 # What would count if it is on, or not zero.
 _SWITCHES = ("CURV_CORR_DEFAULT", "REFRACT_CORR_DEFAULT")
+_UNITS = {"LINEAR_UNITS_OF_OBJECT": "m", "LINEAR_UNITS_OF_IMAGE": "mm", "ANGULAR_UNITS": "deg"}
 _MOUNTING = ("GPS_ANTENNA_OFFSET", "CAMERA_MOUNT_ROTATION", "INS_BORESIGHT_ALIGNMENT")
 
 
@@ -180,6 +181,8 @@ def _not_taken(block: _Block) -> Iterator[str]:
         yield f"${block.name}"
     elif block.name == "PROJECT":
         yield from (f"${key} : on" for key in _SWITCHES if block.words(key) == ["on"])
+        words = ((key, " ".join(block.words(key)), usual) for key, usual in _UNITS.items())
+        yield from (f"${key} : {unit}" for key, unit, usual in words if unit not in ("", usual))
     elif block.name == "PHOTO":
         yield from () if "EXT_ORI" in block.values else ("$PHOTO without $EXT_ORI",)
         yield from ("$FIDUCIALS",) if "FIDUCIALS" in block.values else ()

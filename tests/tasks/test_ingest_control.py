@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from tasks.coordinates.crs import MapFrame
+from tasks.deliveries.control import control_columns
 from tasks.errors import InputError
 from tasks.settings.coordinates import ELLIPSOIDAL, Heights
+from tasks.settings.inputs import ControlInput
 
 XYZ = ["x_m", "y_m", "z_m"]
 SIGMA = ["sigma_x_m", "sigma_y_m", "sigma_z_m"]
@@ -151,3 +153,56 @@ def test_a_file_that_is_no_geoid_grid_is_an_error(delivery):
     (delivery.folder / "grid.tif").write_bytes(b"not a grid")
     with pytest.raises(InputError, match="cannot be read"):
         delivery.control('inputs.control.heights={geoid="grid.tif"}')
+
+
+CALIFORNIA = MapFrame.of("EPSG:26941", ELLIPSOIDAL)
+# The origin of zone 1 in plan: false easting and northing are 2,000,000 m and 500,000 m.
+IN_FEET = "6561666.6666667 1640416.6666667 1000.0"
+
+
+def listed(tmp_path, crs, row=IN_FEET, **declared):
+    """Table and remarks of a list of OpenDroneMap that states this CRS."""
+    file = tmp_path / "gcp_list.txt"
+    file.write_text(f"{crs}\n{row} 10 20 a.tif G1\n")
+    given = {"file": str(file), "format": "odm-gcp", "crs": "EPSG:26941", "heights": "ellipsoidal"}
+    source = ControlInput.model_validate({**given, "sigma_m": 0.02, **declared})
+    columns, _, notes = control_columns([source], CALIFORNIA)
+    return [float(columns[name][0]) for name in XYZ], notes.problems
+
+
+@pytest.mark.parametrize(
+    "crs",
+    [
+        "EPSG:2225",
+        "+proj=lcc +lat_0=39.3333333333333 +lon_0=-122 "
+        "+lat_1=41.6666666666667 +lat_2=40 +x_0=2000000 +y_0=500000 +datum=NAD83 +units=us-ft",
+    ],
+)
+def test_a_file_that_states_a_crs_in_feet_is_read_in_the_metric_one(tmp_path, crs):
+    place, _ = listed(tmp_path, crs, length_unit="us-ft")
+    np.testing.assert_allclose(place, [2e6, 5e5, 1000 * 1200 / 3937], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("crs", "declared", "what", "remedy"),
+    [
+        ("EPSG:2225", {}, "US survey foot", 'length_unit = "us-ft"'),
+        # 4 m in two million.
+        ("EPSG:2225", {"length_unit": "ft"}, "US survey foot", 'length_unit = "us-ft"'),
+        ("EPSG:26941", {"length_unit": "us-ft"}, "in metre", 'length_unit = "m"'),
+        ("EPSG:2225+6360", {"length_unit": "us-ft", "height_unit": "m"}, "NAVD88", 'height_unit = "us-ft"'),
+        ("EPSG:2226", {"length_unit": "us-ft"}, "another projection", "metric CRS of the same zone"),
+    ],
+)
+def test_a_unit_that_the_crs_of_a_file_contradicts_is_refused(tmp_path, crs, declared, what, remedy):
+    with pytest.raises(InputError) as raised:
+        listed(tmp_path, crs, **declared)
+    assert what in raised.value.what
+    assert remedy in raised.value.remedy
+
+
+def test_heights_above_the_sea_that_are_declared_ellipsoidal_are_said(tmp_path):
+    row = "2000000.0 500000.0 300.0"
+    assert not any("NAVD88" in one for one in listed(tmp_path, "EPSG:26941", row)[1])
+    (said,) = (one for one in listed(tmp_path, "EPSG:26941+5703", row)[1] if "NAVD88" in one)
+    assert "gcp_list.txt states heights of NAVD88 height; they are taken as ellipsoidal" in said
