@@ -27,6 +27,7 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.named_entries import ImagesByName
 from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
@@ -198,6 +199,7 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
     root = parsed_xml(path)
     photos = {photo.findtext("Id"): name for name, _, photo in _photos(path, root)}
     image, point, xy = LongNames(), LongNames(), array("d")
+    images = ImagesByName(path)
     named = ((item.findtext("Name") or "", item) for item in root.iter("ControlPoint"))
     ties = ((f"tie{k}", item) for k, item in enumerate(root.iter("TiePoint"), start=1))
     for name, item in chain(named, ties):
@@ -209,7 +211,7 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
                     f"A measurement is in the photo {number}, which is not in the file.",
                     "Export all photos of the block.",
                 )
-            image.append(photo)
+            image.append(images.named(photo, number))
             point.append(name)
             xy.extend(_number(path, measurement, axis) for axis in "xy")
     table = table_of(xy, 2)

@@ -23,9 +23,9 @@ import numpy as np
 
 from tasks.errors import Location
 from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.named_entries import NotTaken
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
-    NotTaken,
     control_of,
     degrees_of_rotations,
     exposures_of,

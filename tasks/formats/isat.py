@@ -14,8 +14,9 @@ from pathlib import Path
 
 from tasks.errors import Location
 from tasks.formats.long_columns import table_of
+from tasks.formats.named_entries import NotTaken
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import NotTaken, control_of, exposures_of, number_of, numbers_of
+from tasks.formats.plain_records import control_of, exposures_of, number_of, numbers_of
 from tasks.formats.records import (
     AngleOrder,
     CameraRecord,

@@ -32,6 +32,7 @@ from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.metashape_rigs import MetashapeRigs, transform_of
+from tasks.formats.named_entries import ImagesByName
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     CV_AXES,
@@ -239,7 +240,7 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
     markers = {item.get("id"): item.get("label") for item in root.iter("marker") if "label" in item.attrib}
     cameras = {item.get("id"): item.get("label") for item in root.iter("camera") if "label" in item.attrib}
     image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
-    number = 0
+    images, number = ImagesByName(path), 0
     for item in root.iter("marker"):
         for location in item.findall("location"):
             number += 1
@@ -252,7 +253,7 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
                     "Export the markers with the cameras of the chunk.",
                 )
             point.append(name)
-            image.append(seen_in)
+            image.append(images.named(seen_in, location.get("camera_id")))
             xy.extend(number_of(path, location.get(axis, ""), number, f"its {axis}") for axis in "xy")
             at.append(number)
     return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)

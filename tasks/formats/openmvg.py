@@ -20,7 +20,13 @@ import numpy as np
 from tasks.errors import Location
 from tasks.formats.json_value import JsonValue, json_value
 from tasks.formats.long_columns import LongNames, table_of
-from tasks.formats.plain_records import CV_AXES, degrees_of_rotations, exposures_of, image_points_of
+from tasks.formats.named_entries import ImagesByName
+from tasks.formats.plain_records import (
+    CV_AXES,
+    degrees_of_rotations,
+    exposures_of,
+    image_points_of,
+)
 from tasks.formats.records import (
     AngleOrder,
     ExposureRecords,
@@ -122,6 +128,7 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
     file = _opened(path)
     names = {view["id_view"].whole(): view["filename"].text() for view in _views(file)}
     image, point, xy = LongNames(), LongNames(), array("d")
+    images = ImagesByName(path)
     for key, prefix in (("structure", ""), ("control_points", "cp")):
         for one in file[key].taken() if file.has(key) else []:
             name = f"{prefix}{one['key'].whole()}"
@@ -131,7 +138,7 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
                     raise Location(path, entity=seen.where).error(
                         "An observation does not belong to a view.", "Deliver it again."
                     )
-                image.append(view)
+                image.append(images.named(view, seen["key"].value))
                 point.append(name)
                 xy.extend(seen["value"]["x"].numbers(2))
     table = table_of(xy, 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,13 +24,11 @@ from tasks.formats.records import (
 )
 from tasks.formats.text_table import first_trouble
 from tasks.magnitude import HUGE
-from tasks.plain_text import quoted, trouble_in, visible
+from tasks.plain_text import quoted, trouble_in
 
 # Elements of a rotation that were printed with four decimals and more.
 _ROTATION_TOLERANCE = 1e-3
 _TOGETHER = 20_000
-# Of what is not read, names that are shown, and their characters.
-_MOST_NAMED, _LONGEST = 30, 60
 _REMEDY = "Give a name of ordinary characters."
 #: From camera axes x right, y down, z forward of computer vision to ours, x right, y up, z back, and back.
 CV_AXES = np.diag([1.0, -1.0, -1.0])
@@ -114,25 +112,6 @@ def names_of_numbers(numbers: NDArray[np.integer[Any]]) -> pa.DictionaryArray:
     """Numbers (n,) as names, each kept once."""
     encoded = pa.array(numbers).dictionary_encode()
     return pa.DictionaryArray.from_arrays(encoded.indices, encoded.dictionary.cast(pa.string()))
-
-
-class NotTaken:
-    """What of a file a reader does not take over, by its names there; of very many, the first ones."""
-
-    def __init__(self) -> None:
-        self._count: dict[str, int] = {}
-
-    def add(self, names: Iterable[str]) -> None:
-        """Count these, too."""
-        for name in names:
-            shown = visible(name, _LONGEST)
-            if shown in self._count or len(self._count) < _MOST_NAMED:
-                self._count[shown] = self._count.get(shown, 0) + 1
-
-    def remarks(self, path: Path) -> tuple[str, ...]:
-        """A sentence on them with how often they are there; none if there are none."""
-        listed = (f"{name} ({n:,})" if n > 1 else name for name, n in self._count.items())
-        return (f"{path.name}: not taken over: {', '.join(listed)}.",) if self._count else ()
 
 
 class NothingInFileError(InputError):

@@ -9,7 +9,9 @@ import pytest
 
 from tasks.errors import InputError
 from tasks.formats.isat import read_isat_cameras, read_isat_exposures
+from tasks.formats.register import IMAGE_POINT_FORMATS
 from tasks.handover.formats.register import REGISTER
+from tests.tasks.formats.packed_files import packed
 from tests.tasks.handover.flown_block import Flight, delivered, flown
 
 #: Format → ending of the file of an image.
@@ -34,6 +36,23 @@ def test_numbers_behind_a_point_are_no_ending_of_a_file(name):
 def test_images_that_would_share_a_file_are_refused(name):
     with pytest.raises(InputError, match=r"'a/1\.tif' and 'b/1\.tif'"):
         files_of(name, ("2.tif", "a/1.tif", "3.tif", "b/1.tif"))
+
+
+#: Block exchange by paths of files → the file of image points.
+BY_FILE = {"blocks-exchange": "block.xml", "opf": "block.zip"}
+
+
+@pytest.mark.parametrize("name", BY_FILE)
+def test_image_points_of_files_of_one_name_in_two_folders_are_not_one_image(name, tmp_path):
+    """As the heads of a camera number their images; orientations of both would be refused, too."""
+    file = tmp_path / BY_FILE[name]
+    for names in (("a/1.tif", "2.tif", "b/3.tif", "4.tif"), ("a/1.tif", "2.tif", "b/1.tif", "4.tif")):
+        files = files_of(name, names)
+        file.write_bytes(packed(files) if name == "opf" else files["block.xml"].encode())
+        if names[2] == "b/3.tif":
+            assert len(set(IMAGE_POINT_FORMATS[name](file).image.to_pylist())) == 4
+    with pytest.raises(InputError, match=r"Two images are called '1\.tif'"):
+        IMAGE_POINT_FORMATS[name](file)
 
 
 def test_stac_items_of_numbered_frames_have_different_identifiers():
