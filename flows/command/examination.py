@@ -17,6 +17,7 @@ from flows.command.progress import show_progress
 from flows.command.screen_table import print_listed
 from flows.runs.project_run import RunRequest
 from flows.stories.examination import Examination, ListedMistake, examine_everything
+from tasks.files.delivered_file import require_folder
 from tasks.files.json_text import JSON, json_text
 from tasks.store.run_lock import run_lock
 from tasks.store.store import Store
@@ -113,6 +114,8 @@ def examine(
     """Examine a project and print the findings; wrong input raises InputError."""
     show_progress()
     request = RunRequest.of(project_file, out, overrides, data)
+    if out is not None:
+        require_folder(request.directory)
     project = request.project()
     with tempfile.TemporaryDirectory(prefix="aerocal-doctor-") as temporary:
         # Without --out nothing is written next to the project.

@@ -9,13 +9,16 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE
 from tasks.documents.report.export import export_figures
+from tasks.files.delivered_file import require_folder
 from tasks.object_storage.address import output_folder
 from tasks.stages.report import REPORT
 
 
 def write_figures(results: Path, out: Path) -> int:
     """Write the figures of the report in a folder of results; without a report InputError is raised."""
-    files = export_figures(results / REPORT, output_folder(str(out)))
+    folder = output_folder(str(out))
+    require_folder(folder)
+    files = export_figures(results / REPORT, folder)
     console = Console()
     console.print(Text("\n".join(file.name for file in files)))
     console.print(Text(f"{len(files)} figures are in {out}."), soft_wrap=True)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from tasks.errors import AerocalError, InputError, NotComputableError
-from tasks.files.delivered_file import is_there
+from tasks.files.delivered_file import is_there, trouble_of_folder
 from tasks.files.installation import InstallationError, writing_into
 from tasks.object_storage.address import ObjectAddress, output_place
 from tasks.object_storage.connection import local_folder
@@ -27,6 +27,7 @@ from tasks.settings.cameras import REGISTRY, RIG_REGISTRY
 from tasks.settings.load import load_project, load_variants
 from tasks.settings.project import Project
 from tasks.store.run_lock import run_lock
+from tasks.store.stage_key import input_files
 from tasks.store.stage_record import read_records, timings_s
 from tasks.store.store import Store
 
@@ -34,6 +35,9 @@ from tasks.store.store import Store
 Story: TypeAlias = Callable[[Any, Store], Summary]
 
 _log = logging.getLogger("aerocal")
+
+#: Delivered files that a remark names.
+_LISTED = 3
 
 #: A story of a project: module in flows.stories, function in it, and Prefect flow all have this name.
 StoryName: TypeAlias = Literal["aerial_triangulation", "system_calibration", "direct_georeferencing_check"]
@@ -228,9 +232,14 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     InstallationError
         If the machine prevents the run (full disk, no permission, object storage that does not answer).
     """
+    trouble = trouble_of_folder(request.directory)
+    if trouble is not None:
+        # There, its summary cannot be written either.
+        return RunOutcome.of(request, failed_summary("input_error", str(trouble), {}), trouble)
     store = request.store()
     try:
         read = request.read()
+        _say_what_is_between_results(request, read)
         with run_lock(request.directory, request.roots):
             store.begin_run()
             return RunOutcome.of(request, story(read, store))
@@ -238,6 +247,20 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
         return _without_result(request, store, "input_error", error)
     except NotComputableError as error:
         return _without_result(request, store, "not_computable", error)
+
+
+def _say_what_is_between_results(request: RunRequest, read: object) -> None:
+    """Give a remark if results go into a folder of delivered files."""
+    there = request.directory.resolve()
+    files = {
+        path.name for path in (request.project_file, *input_files(read)) if path.resolve().parent == there
+    }
+    if files:
+        listed = ", ".join(sorted(files)[:_LISTED]) + (", …" if len(files) > _LISTED else "")
+        _log.warning(
+            "the output folder %s is one of the delivery (%s): results will lie between delivered files; "
+            "--out names another one", request.directory, listed,
+        )  # fmt: skip
 
 
 def _without_result(

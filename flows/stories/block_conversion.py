@@ -9,6 +9,7 @@ from tasks.handover.export import Export
 from tasks.handover.unadjusted import convert_block
 from tasks.settings.project import Project
 from tasks.store.notes import read_notes
+from tasks.store.stage_record import read_records
 from tasks.store.store import Store
 
 
@@ -19,4 +20,5 @@ def converted_block(
     block = prepare_block(project, store)
     outputs = {name: artifact for one in block.stages for name, artifact in one.items()}
     remarks = tuple(sentence for one in block.stages for sentence in read_notes(one["notes"]).problems)
-    return convert_block(outputs, project.project, to, out, world), remarks
+    delivered = {path for record in read_records(store.folder) for path in record.inputs}
+    return convert_block(outputs, project.project, to, out, world, delivered), remarks

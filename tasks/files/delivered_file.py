@@ -129,6 +129,37 @@ def lies_under(path: Path, folders: Iterable[Path]) -> bool:
     return any(resolved.is_relative_to(folder) for folder in folders)
 
 
+def require_none_replaced(targets: Iterable[Path], delivered: Iterable[str | Path]) -> None:
+    """Refuse to write files of which one would replace a delivered one.
+
+    Raises
+    ------
+    InputError
+        Naming it.
+    """
+    taken = {Path(path).resolve() for path in delivered}
+    for target in targets:
+        if target.resolve() in taken:
+            raise Location(target).error(
+                "This is a delivered file, which the results would replace.", "Give another folder: --out."
+            )
+
+
+def trouble_of_folder(folder: Path) -> InputError | None:
+    """Why results cannot go into a folder: there is a file, or one on the way to it; None: they can."""
+    there = next((place for place in (folder, *folder.absolute().parents) if is_there(place)), None)
+    if there is None or there.is_dir():
+        return None
+    return Location(there).error("This is a file, not a folder.", "Give --out another name.")
+
+
+def require_folder(folder: Path) -> None:
+    """Refuse a folder for results; raises the error of `trouble_of_folder`."""
+    trouble = trouble_of_folder(folder)
+    if trouble is not None:
+        raise trouble
+
+
 def is_there(path: Path) -> bool:
     """Whether there is anything at a path; False for an impossible path."""
     try:

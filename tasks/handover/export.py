@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from adjust.handover.refit import Freed
-from tasks.errors import InputError, Location
+from tasks.errors import InputError
+from tasks.files.delivered_file import require_folder, require_none_replaced
 from tasks.files.installation import writing_into
 from tasks.handover.block_points import BlockPoints, read_points
 from tasks.handover.delivery import Angles, Delivery, DeliveryFormat
@@ -22,6 +23,7 @@ from tasks.handover.receiver import REFUSED_PX, HandedOver, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
 from tasks.nearest_name import did_you_mean
+from tasks.results.manifest import read_manifest
 from tasks.settings.deliver import CHOSEN_ANGLES, World, own_angles
 
 STATEMENT = "HANDOVER.txt"
@@ -85,14 +87,12 @@ def export_results(
     form = chosen_format(to, REGISTER)
     if angles is not None and angles != Angles() and to not in CHOSEN_ANGLES:
         raise InputError(*own_angles(to), entity="--angles, --unit")
-    block = read_results(results)
-    wanted = Wanted(form, chosen_world(world, form), angles or Angles(), force=force)
-    return write_block(
-        block,
-        lambda: read_points(results, block),
-        wanted,
-        results / "export" / to if out is None else out,
-    )
+    folder = results / "export" / to if out is None else out
+    require_folder(folder)
+    block, manifest = read_results(results), read_manifest(results)
+    delivered = () if manifest is None else tuple(manifest.inputs)
+    wanted = Wanted(form, chosen_world(world, form), angles or Angles(), force=force, delivered=delivered)
+    return write_block(block, lambda: read_points(results, block), wanted, folder)
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,7 @@ class Wanted:
     form, world, angles : format, kind of program, angle system.
     force : whether also if the program's model misses ours by a pixel and more.
     adjusted : whether the block is adjusted, or as it was delivered.
+    delivered : paths of the files that the block was read from; none of them is replaced.
     """
 
     form: DeliveryFormat
@@ -111,6 +112,7 @@ class Wanted:
     angles: Angles
     force: bool = False
     adjusted: bool = True
+    delivered: Collection[str] = ()
 
 
 def write_block(block: Results, points: Callable[[], BlockPoints], wanted: Wanted, folder: Path) -> Export:
@@ -142,6 +144,7 @@ def write_block(block: Results, points: Callable[[], BlockPoints], wanted: Wante
     if delivery.handed.refitted:
         files["eo_rigorous.csv"] = _rigorous(block)
     text = statement(delivery, form, adjusted=wanted.adjusted)
+    require_none_replaced((folder / name for name in (*files, STATEMENT)), wanted.delivered)
     _write(folder, {**files, STATEMENT: text})
     return Export(folder, tuple(files), text, misfit)
 
@@ -191,8 +194,6 @@ def _rigorous(block: Results) -> str | bytes:
 
 def _write(folder: Path, files: dict[str, str | bytes]) -> None:
     """Write all files, each completely or not at all; the statement last."""
-    if folder.is_file():
-        raise Location(folder).error("This is a file, not a folder.", "Give --out another name.")
     with writing_into(folder):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / STATEMENT).unlink(missing_ok=True)

@@ -6,7 +6,7 @@ intersected from them. Image points are as measured, cameras as given.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,7 +41,12 @@ class _Tables:
 
 
 def convert_block(
-    outputs: Mapping[str, Artifact], project: ProjectSettings, to: str, out: Path, world: str | None = None
+    outputs: Mapping[str, Artifact],
+    project: ProjectSettings,
+    to: str,
+    out: Path,
+    world: str | None = None,
+    delivered: Collection[str] = (),
 ) -> Export:
     """Write a prepared block in a format of block exchange, without adjusting it.
 
@@ -51,6 +56,7 @@ def convert_block(
     to : name of the format.
     out : folder of the files.
     world : kind of program; None: the one that gets the coordinates as they are.
+    delivered : paths of the files that the block was read from; none of them is replaced.
 
     Raises
     ------
@@ -66,7 +72,7 @@ def convert_block(
     return write_block(
         block,
         lambda: block_points(block, known, tables.image_points, tables.control_points),
-        Wanted(form, found, Angles(), adjusted=False),
+        Wanted(form, found, Angles(), adjusted=False, delivered=delivered),
         out,
     )
 

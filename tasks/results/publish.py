@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from tasks.files.delivered_file import require_none_replaced
 from tasks.files.installation import writing_into
 from tasks.results.manifest import Manifest, manifest_of, read_manifest, write_manifest
 from tasks.results.summary import Summary, summary_of, write_summary
@@ -150,10 +151,18 @@ def put_out(
     ----------
     own : names of everything that such a run may publish: what is there of them and was not made now is
         removed, unless somebody changed it. Files of other kinds of runs stay.
+
+    Raises
+    ------
+    InputError
+        If a file would replace one that the run has read. Nothing is written then.
     """
     directory = store.folder.parent
     require_in_place(directory)
     records = read_records(store.folder)
+    names = (artifact.path.name for artifact in artifacts)
+    delivered = {path for record in records for path in record.inputs}
+    require_none_replaced((directory / name for name in names), delivered)
     with writing_into(directory):
         last = read_manifest(directory)
         for artifact in artifacts:

@@ -23,6 +23,7 @@ from adjust.simulate.random_streams import RandomStreams, Source
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 from tasks.errors import InputError, Location
+from tasks.files.delivered_file import require_folder
 from tasks.files.installation import writing_into
 from tasks.settings.simulation import SimulatedFilm, Simulation
 from tasks.simulation.simulated_project import project_text
@@ -104,8 +105,7 @@ def _write(folder: Path, simulation: Simulation, block: SimulatedBlock) -> None:
 
 def _refuse_foreign(folder: Path) -> None:
     """Refuse to overwrite anything but a simulation."""
-    if folder.is_file():
-        raise Location(folder).error("This is a file, not a folder.", "Give --out another name.")
+    require_folder(folder)
     if folder.is_dir() and any(folder.iterdir()) and not (folder / TRUTH / SPECIFICATION).is_file():
         raise Location(folder).error(
             "The folder is not empty, and no simulation wrote what is in it.", "Give --out a new folder."

@@ -117,11 +117,35 @@ def test_a_block_without_a_datum_ends_with_3(block: Path) -> None:
     assert summary(block.parent / "results")["status"] == "not_computable"
 
 
-def test_an_output_folder_that_is_a_file_ends_with_1(block: Path, tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("a file")
-    done = aerocal("run", block, "--out", tmp_path / "out")
-    assert done.returncode == 1
-    assert "--out" in one_line_error(done)
+@pytest.mark.parametrize("command", ["run", "sweep", "doctor"])
+@pytest.mark.parametrize("below", ["", "further/down"])
+def test_an_output_folder_that_is_a_file_ends_with_2(
+    block: Path, tmp_path: Path, command: str, below: str
+) -> None:
+    (tmp_path / "taken").write_text("")
+    done = aerocal(command, block, "--out", tmp_path / "taken" / below)
+    assert done.returncode == 2
+    assert f"{tmp_path / 'taken'}: This is a file, not a folder." in one_line_error(done)
+    assert (tmp_path / "taken").read_text() == ""
+
+
+def test_results_between_delivered_files_get_a_remark_and_replace_none(warm_block: Path) -> None:
+    folder = warm_block.parent
+    done = aerocal("run", warm_block, "--out", folder)
+    assert done.returncode == 0, done.stderr
+    remark = "is one of the delivery (control.csv, exposures.csv, image_points.csv, …)"
+    assert remark in done.stderr
+    assert remark not in aerocal("run", warm_block).stderr
+    # The name of a table of results.
+    points = folder / "parameters.parquet"
+    points.unlink()
+    (folder / "control.csv").rename(points)
+    delivered = points.read_bytes()
+    warm_block.write_text(warm_block.read_text().replace('"control.csv"', '"parameters.parquet"'))
+    done = aerocal("run", warm_block, "--out", folder)
+    assert done.returncode == 2, done.stderr
+    assert f"{points}: This is a delivered file, which the results would replace." in one_line_error(done)
+    assert points.read_bytes() == delivered
 
 
 @pytest.mark.parametrize("address", ["http://127.0.0.1:9/api", "nonsense"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import shutil
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.errors import InputError
 from tasks.formats.register import EXPOSURE_FORMATS
+from tasks.handover.export import export_results
 from tasks.handover.formats.register import REGISTER
 from tasks.results.summary import read_summary
 from tasks.settings.deliver import OFFERS
@@ -139,3 +142,38 @@ def test_convert_takes_a_project_file_and_a_block_of_another_program(
         convert_and_show(tmp_path, "colmap", second, None, 5.2, overrides=(), data=None)
     with pytest.raises(InputError, match="no format 'rpc'"):
         convert_and_show(given, "rpc", second, None, 5.2, overrides=(), data=None)
+
+
+def test_a_conversion_replaces_nothing_that_was_delivered(project_file: Path, tmp_path: Path) -> None:
+    model = tmp_path / "colmap"
+    convert_and_show(project_file, "colmap", model, None, None, overrides=(), data=None)
+    before = {file.name: file.read_bytes() for file in model.iterdir()}
+    # The default folder, NAME next to INPUT, is the delivery itself.
+    with pytest.raises(InputError, match="This is a delivered file, which the results would replace"):
+        convert_and_show(model, "colmap", None, None, 5.2, overrides=(), data=None)
+    assert {file.name: file.read_bytes() for file in model.iterdir()} == before
+
+
+def test_an_export_replaces_no_input_of_its_run(outcome: RunOutcome, tmp_path: Path) -> None:
+    results = Path(shutil.copytree(outcome.directory, tmp_path / "results"))
+    points = tmp_path / "patb.im"
+    points.write_text("as delivered")
+    manifest = json.loads((results / "manifest.json").read_text())
+    manifest["inputs"][str(points)] = "0" * 64
+    (results / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match=r"patb\.im: This is a delivered file"):
+        export_results(results, "patb", tmp_path, force=True)
+    assert points.read_text() == "as delivered"
+    assert not (tmp_path / "patb.ori").exists()
+
+
+@pytest.mark.parametrize(
+    ("pixel_um", "says"),
+    [(5.2, "project file states"), (-3.0, "-3 is not the size"), (math.nan, "nan is not")],
+)
+def test_a_pixel_size_is_one_and_only_for_blocks_without(
+    project_file: Path, tmp_path: Path, pixel_um: float, says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
+        convert_and_show(project_file, "colmap", tmp_path / "out", None, pixel_um, overrides=(), data=None)
+    assert not (tmp_path / "out").exists()

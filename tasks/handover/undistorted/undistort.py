@@ -16,6 +16,7 @@ from adjust.options import available_threads
 from adjust.resampling.pixel_map import PixelMap, pixel_map
 from adjust.resampling.resampled import Resampling
 from tasks.errors import InputError, Location
+from tasks.files.delivered_file import require_folder
 from tasks.files.installation import writing_into
 from tasks.handover.formats.corrected_csv import ideal_cameras
 from tasks.handover.ideal_points import ideal_points, measured_points
@@ -175,8 +176,7 @@ def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | Non
         raise InputError(
             f"The results have no camera '{camera}'.", did_you_mean(camera, list(cameras)), entity="--camera"
         )
-    if folder.is_file():
-        raise Location(folder).error("This is a file, not a folder.", "Give --out another name.")
+    require_folder(folder)
     jobs: dict[str, _Job] = {}
     for path in images:
         about = described(path)
