@@ -20,7 +20,10 @@ def batch(
             metavar="PROJECT.toml ...", help="Project files, or folders with one project file each."
         ),
     ],
-    story: Annotated[Stories, typer.Option(help="Flow to run.")] = "aerial-triangulation",
+    story: Annotated[
+        Stories | None,
+        typer.Option(help="Flow to run.", show_default="the one that the project file declares"),
+    ] = None,
     output: Annotated[
         str, typer.Option(metavar="NAME", help="Name of the output folder next to each project file.")
     ] = "results",

@@ -25,7 +25,7 @@ _PROJECT_FILE = "project.toml"
 
 def execute_batch(
     projects: Sequence[Path],
-    story: str,
+    story: str | None,
     output: str,
     overrides: tuple[str, ...],
     data: Path | None,
@@ -35,14 +35,15 @@ def execute_batch(
     as_json: bool,
 ) -> int:
     """Run the projects and show their outcome; returns the exit code of the worst."""
-    if Path(output).name != output:
+    if Path(output).name != output or output in ("", ".."):
         raise InputError(
             f"'{output}' is not the name of a folder.", "Give a name without '/'.", entity="--output"
         )
     use_cluster(dask)
     show_progress()
     requests = [_request(project, output, overrides, data) for project in projects]
-    ends = carry_out_batch(requests, cast(StoryName, story.replace("-", "_")), workers)
+    chosen = None if story is None else cast(StoryName, story.replace("-", "_"))
+    ends = carry_out_batch(requests, chosen, workers)
     if as_json:
         print(json_text([_as_json(end) for end in ends], indent=2))
     else:

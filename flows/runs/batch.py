@@ -6,13 +6,13 @@ import logging
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from flows.runs.project_run import RunRequest, StoryName, carry_out, story_named
 from flows.runs.stage import Attempt, stage
 from flows.runs.workers import workers
 from tasks.errors import AerocalError, InputError
 from tasks.files.delivered_file import is_there
-from tasks.files.installation import writing_into
 from tasks.results.summary import Summary
 from tasks.settings.base import variables_in
 from tasks.settings.registry import REGISTRY_VARIABLE
@@ -37,13 +37,14 @@ class ProjectEnd:
 
 
 def carry_out_batch(
-    requests: Sequence[RunRequest], story: StoryName, count: int | None
+    requests: Sequence[RunRequest], story: StoryName | None, count: int | None
 ) -> tuple[ProjectEnd, ...]:
-    """Run the story on every project, each in its own folder; one that fails does not stop the others.
+    """Run a story on every project, each in its own folder; one that fails does not stop the others.
 
     Parameters
     ----------
     requests : the projects, with absolute paths: a worker elsewhere has another working folder.
+    story : None: of each project the one that its file declares.
     count : how many at a time on this machine; None: one per processor. A cluster has its own number.
 
     Returns
@@ -57,11 +58,8 @@ def carry_out_batch(
     InstallationError
         If a worker is ended from outside, or the cluster cannot be used; completed work is kept.
     """
-    _require_own_folders(requests)
     there = [request for request in requests if is_there(request.project_file)]
-    for request in there:
-        with writing_into(request.directory):
-            request.directory.mkdir(parents=True, exist_ok=True)
+    _require_own_folders(there)
     named = {name for request in there for name in variables_in(request.project_file)}
     done: list[int] = []
 
@@ -69,12 +67,21 @@ def carry_out_batch(
         done.append(index)
         _log.info("batch: %d of %d: %s", len(done), len(requests), in_one_line(requests[index], end))
 
-    folders = tuple(request.directory for request in there)
+    folders = tuple(request.directory for request in there if _is_made(request.directory))
     with workers(count, folders, (*sorted(named), REGISTRY_VARIABLE)) as executor:
         ends = run_project.attempt(
             [{"request": request} for request in requests], story, executor=executor, when_done=say
         )
     return tuple(end for end in ends if isinstance(end, ProjectEnd))
+
+
+def _is_made(folder: Path) -> bool:
+    """Whether an output folder is there now; why it could not be made is told by the run that needs it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return True
 
 
 def _require_own_folders(requests: Sequence[RunRequest]) -> None:
@@ -89,10 +96,10 @@ def _require_own_folders(requests: Sequence[RunRequest]) -> None:
             )
 
 
-def _run_project(story: StoryName, *, request: RunRequest) -> ProjectEnd:
+def _run_project(story: StoryName | None, *, request: RunRequest) -> ProjectEnd:
     """Run one project, and say how it ended, whatever happens."""
     try:
-        outcome = carry_out(story_named(story), request)
+        outcome = carry_out(story_named(story or request.declared_story()), request)
     except AerocalError as error:
         return ProjectEnd(request, None, str(error))
     except Exception as error:

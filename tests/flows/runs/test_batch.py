@@ -108,7 +108,35 @@ def test_a_folder_that_cannot_be_written_fails_alone(block: Path) -> None:
     assert "cannot be written" in rows[0]["error"]
 
 
-def test_the_name_of_the_output_folder_is_a_name(block: Path) -> None:
-    done = aerocal("batch", block, "--output", "../elsewhere")
+def test_a_file_in_the_place_of_a_folder_is_wrong_input_of_its_project_alone(block: Path) -> None:
+    other = copy_of(block, "other")
+    (other.parent / "results").write_text("a file where the folder should be")
+    done = aerocal("batch", other, block, "--workers", "1", "--json")
+    assert done.returncode == 2
+    rows = json.loads(done.stdout)
+    assert [row["status"] for row in rows] == ["input_error", "done"]
+    assert "This is a file, not a folder." in rows[0]["error"]
+
+
+def test_projects_that_are_not_there_share_no_folder(block: Path) -> None:
+    done = aerocal("batch", block.with_name("one.toml"), block.with_name("two.toml"), "--json")
+    assert done.returncode == 2
+    assert ["no such project file" in row["error"] for row in json.loads(done.stdout)] == [True, True]
+
+
+def test_each_project_runs_what_its_file_declares(block: Path) -> None:
+    block.write_text(block.read_text() + "\n[calibration]\nfree = ['boresight']\n")
+    done = aerocal("batch", block, "--workers", "1", "--json")
+    alone = aerocal("run", block, "--json", "--out", block.with_name("alone"))
+    assert json.loads(done.stdout)[0]["exit_code"] == alone.returncode
+    assert digests(block.with_name("results")) == digests(block.with_name("alone"))
+    assert (block.with_name("results") / "certificate.json").exists()
+
+
+@pytest.mark.parametrize("name", ["../elsewhere", "..", ".", ""])
+def test_the_name_of_the_output_folder_is_a_name(block: Path, name: str) -> None:
+    before = sorted(block.parent.parent.rglob("*"))
+    done = aerocal("batch", block, "--output", name)
     assert done.returncode == 2
     assert "is not the name of a folder" in done.stderr
+    assert sorted(block.parent.parent.rglob("*")) == before
