@@ -16,6 +16,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from sqlalchemy import Connection, Row, func, insert, inspect, select, update
+from sqlalchemy.exc import IntegrityError
 
 from tasks.database.address import Holding, database_address
 from tasks.database.engine import Database, connected_for_reading, engine_at
@@ -85,10 +86,8 @@ class Records(Database):
     def schedule(self, run: RunRecord) -> None:
         """Record a run that will begin; for a known one, only the delivery it is for."""
         with self.writing() as connection:
-            known = _record_of(connection, run.id)
-            if known is None:
-                _insert(connection, run)
-            elif known.delivery is None and run.delivery is not None:
+            known = _known_or_inserted(connection, run)
+            if known is not None and known.delivery is None and run.delivery is not None:
                 # It was started before whoever scheduled it came to note it.
                 _update(connection, run.id, delivery=run.delivery)
 
@@ -105,9 +104,8 @@ class Records(Database):
             process=os.getpid(),
         )
         with self.writing() as connection:
-            known = _record_of(connection, run.id)
+            known = _known_or_inserted(connection, begun)
             if known is None:
-                _insert(connection, begun)
                 return
             # After an end that was to stay, somebody has requested it again.
             attempts = 1 if known.has_ended else known.attempts
@@ -310,6 +308,20 @@ def _record_of(connection: Connection, run_id: str) -> RunRecord | None:
     return None if row is None else _record(row)
 
 
+def _known_or_inserted(connection: Connection, run: RunRecord) -> RunRecord | None:
+    """What is on record of a run; None: nothing was, and it is on record now."""
+    known = _record_of(connection, run.id)
+    if known is not None:
+        return known
+    try:
+        with connection.begin_nested():
+            connection.execute(insert(RUNS).values(_values(run)))
+    except IntegrityError:
+        # Between the two, another process has recorded it: its scheduling and its beginning may meet.
+        return _record_of(connection, run.id)
+    return None
+
+
 def _values(run: RunRecord) -> dict[str, object]:
     """A run that has not ended, as its row."""
     content = {**vars(run), "summary": None}
@@ -319,10 +331,6 @@ def _values(run: RunRecord) -> dict[str, object]:
 
 def _waiting(message: str) -> dict[str, object]:
     return {"state": "Scheduled", "message": message, "ended": None, "again_at": None}
-
-
-def _insert(connection: Connection, run: RunRecord) -> None:
-    connection.execute(insert(RUNS).values(_values(run)))
 
 
 def _update(connection: Connection, run_id: str, **values: object) -> None:

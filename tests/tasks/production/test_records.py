@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -157,6 +158,22 @@ def test_scheduling_a_known_run_changes_nothing(records: Records) -> None:
     records.begin(RUN)
     records.schedule(replace(RUN, project="another"))
     assert [(run.project, run.state) for run in records.runs()] == [("block-7", "Running")]
+
+
+def test_a_run_that_is_scheduled_and_begun_at_once_is_recorded_once(records: Records) -> None:
+    records.prepare()
+    with ThreadPoolExecutor(2) as both:
+        with records.writing() as connection:
+            if not records.address.is_file:
+                # Both find no record of the run; neither can write one yet.
+                connection.execute(text("LOCK TABLE aerocal_runs IN SHARE MODE"))
+            noted = [both.submit(records.schedule, replace(RUN, delivery="key"))]
+            noted.append(both.submit(records.begin, RUN))
+            assert not wait(noted, 1.5).done
+        for one in noted:
+            one.result(30)
+    assert (found(records).state, found(records).delivery) == ("Running", "key")
+    assert len(records.runs()) == 1
 
 
 def test_runs_come_latest_first_and_can_be_chosen(records: Records) -> None:
