@@ -7,6 +7,7 @@ receiver and the note about it sends it again, with the same number. Once noted,
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -23,8 +24,7 @@ from tasks.production.tables import NOTICE_DELIVERIES, NOTICES
 DeliveryState: TypeAlias = Literal["waiting", "delivered", "given_up"]
 #: With a receiver that does not take a notice; its age counts.
 PATIENCE = Patience(10.0, 3600.0, 3 * 86_400.0)
-#: Notices that are looked at in one pass.
-_BATCH = 200
+_OPEN = NOTICES.c.closed.is_(None)
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,11 @@ class Delivery:
     state : what has become of it.
     attempts : how often it was sent.
     due : when it may be sent again.
-    said : what became of the last attempt.
     """
 
     state: DeliveryState
     attempts: int
     due: datetime
-    said: str
 
 
 @dataclass(frozen=True)
@@ -53,36 +51,41 @@ class Outbox:
 
     def waiting(self) -> tuple[Notice, ...]:
         """The notices that are not finished, the oldest first."""
-        chosen = select(NOTICES.c.content).where(NOTICES.c.closed.is_(None))
-        rows = self.records.rows(chosen.order_by(NOTICES.c.written, NOTICES.c.id).limit(_BATCH))
-        return tuple(notice_from(row.content) for row in rows)
+        chosen = select(NOTICES.c.content).where(_OPEN).order_by(NOTICES.c.written, NOTICES.c.id)
+        return tuple(notice_from(row.content) for row in self.records.rows(chosen))
 
-    def delivery(self, notice: Notice, address: NoticeAddress) -> Delivery | None:
-        """State of a notice for an address; None: it was never sent there."""
-        own = (NOTICE_DELIVERIES.c.notice == notice.id) & (NOTICE_DELIVERIES.c.address == address.key)
-        for row in self.records.rows(select(NOTICE_DELIVERIES).where(own)):
-            return Delivery(row.state, row.attempts, row.due, row.said)
-        return None
+    def deliveries(self) -> dict[tuple[str, str], Delivery]:
+        """What has become of them so far, by id of the notice and key of the address."""
+        sent = NOTICE_DELIVERIES.c
+        chosen = select(NOTICE_DELIVERIES).join(NOTICES, NOTICES.c.id == sent.notice).where(_OPEN)
+        return {
+            (row.notice, row.address): Delivery(row.state, row.attempts, row.due)
+            for row in self.records.rows(chosen)
+        }
 
     def note(
-        self, notice: Notice, address: NoticeAddress, sent: Sent, now: datetime, patience: Patience
+        self, notice: Notice, address: NoticeAddress, sent: Sent, before: Delivery | None, patience: Patience
     ) -> Delivery:
-        """Record the outcome of an attempt; returns what to do next."""
-        before = self.delivery(notice, address)
-        attempts = 1 if before is None else before.attempts + 1
+        """Record the outcome of an attempt; returns what to do next.
+
+        Parameters
+        ----------
+        before : what had become of the notice at this address; None: it was never sent there.
+        """
+        now, attempts = datetime.now(UTC), 1 if before is None else before.attempts + 1
         age = (now - datetime.fromisoformat(notice.ended)).total_seconds()
         state: DeliveryState = "delivered" if sent.accepted else "waiting"
         if not sent.accepted and age > patience.total_s:
             state = "given_up"
-        due = now + timedelta(seconds=patience.pause_s(attempts))
-        values = {"state": state, "attempts": attempts, "due": due, "said": sent.said}
-        own = (NOTICE_DELIVERIES.c.notice == notice.id) & (NOTICE_DELIVERIES.c.address == address.key)
+        after = Delivery(state, attempts, now + timedelta(seconds=patience.pause_s(attempts)))
+        values = {**vars(after), "said": sent.said}
+        own = {"notice": notice.id, "address": address.key}
         with self.records.writing() as connection:
-            if connection.execute(update(NOTICE_DELIVERIES).where(own).values(**values)).rowcount == 0:
-                connection.execute(
-                    insert(NOTICE_DELIVERIES).values(notice=notice.id, address=address.key, **values)
-                )
-        return Delivery(state, attempts, due, sent.said)
+            if before is None:
+                connection.execute(insert(NOTICE_DELIVERIES).values(**own, **values))
+            else:
+                connection.execute(update(NOTICE_DELIVERIES).filter_by(**own).values(**values))
+        return after
 
     def close(self, notices: Sequence[Notice]) -> None:
         """Mark notices as finished."""
@@ -92,8 +95,8 @@ class Outbox:
                 connection.execute(update(NOTICES).where(NOTICES.c.id == notice.id).values(closed=now))
 
 
-#: An address that has failed is left alone for so long, whatever else waits for it.
-_RESTED = timedelta(seconds=5)
+#: An address that has failed is left alone for so long, s, whatever else waits for it.
+_RESTED_S = 5.0
 
 
 class Courier:
@@ -115,11 +118,11 @@ class Courier:
         wanted: Collection[NoticeKind],
         links: Links,
         say: Callable[[str], None],
-        patience: Patience | None = None,
+        patience: Patience = PATIENCE,
     ) -> None:
         self.outbox, self.addresses, self.wanted, self.links = outbox, addresses, wanted, links
-        self.say, self.patience = say, patience or PATIENCE
-        self._rests: dict[str, datetime] = {}
+        self.say, self.patience = say, patience
+        self._rests: dict[str, float] = {}
 
     def deliver(self, is_over: Callable[[], bool] = lambda: False) -> int:
         """Send what is due; returns how many notices are still waiting.
@@ -134,31 +137,36 @@ class Courier:
             As of `Outbox`.
         """
         waiting = self.outbox.waiting()
+        if not waiting:
+            return 0
+        before = self.outbox.deliveries()
         done: list[Notice] = []
         for notice in waiting:
             if is_over():
                 break
             addresses = self.addresses if notice.kind in self.wanted else ()
             # Every address gets its turn, whatever the others say.
-            brought = [self._bring(notice, address) for address in addresses]
+            brought = [self._bring(notice, one, before.get((notice.id, one.key))) for one in addresses]
             if all(brought):
                 done.append(notice)
         if done:
             self.outbox.close(done)
         return len(waiting) - len(done)
 
-    def _bring(self, notice: Notice, address: NoticeAddress) -> bool:
+    def _bring(self, notice: Notice, address: NoticeAddress, before: Delivery | None) -> bool:
         """Send a notice to an address if it is due; returns whether that address is finished."""
-        before, now = self.outbox.delivery(notice, address), datetime.now(UTC)
         if before is not None and before.state != "waiting":
             return True
-        if (before is not None and now < before.due) or now < self._rests.get(address.key, now):
+        now, longest = datetime.now(UTC), timedelta(seconds=self.patience.longest_s)
+        # A time further off than any pause was written by a clock that ran ahead.
+        early = before is not None and now < before.due <= now + longest
+        if early or time.monotonic() < self._rests.get(address.key, 0.0):
             return False
         sent = address.send(notice, self.links)
-        now = datetime.now(UTC)
-        after = self.outbox.note(notice, address, sent, now, self.patience)
+        after = self.outbox.note(notice, address, sent, before, self.patience)
         if not sent.accepted:
-            self._rests[address.key] = now + min(after.due - now, _RESTED)
+            pause_s = min(self.patience.pause_s(after.attempts), _RESTED_S)
+            self._rests[address.key] = time.monotonic() + pause_s
         if after.state == "given_up":
             self.say(f"The notice '{notice.subject}' is dropped: {address} is {sent.said}.")
         elif not sent.accepted and after.attempts == 1:

@@ -9,16 +9,19 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import update
 
 from tasks.patience import Patience
-from tasks.production.notice import USUAL, Links
+from tasks.production.notice import USUAL, Links, Notice
 from tasks.production.notice_addresses import configured_addresses
 from tasks.production.outbox import PATIENCE, Courier, Outbox
-from tasks.production.records import Records
+from tasks.production.records import Records, write_notice
+from tasks.production.tables import NOTICE_DELIVERIES
 from tests.conftest import Start
 from tests.ports import free_port
 from tests.tasks.production.ended_runs import ended_run
@@ -123,6 +126,33 @@ def test_one_address_that_is_down_keeps_no_other_waiting(
             assert both.deliver() == 0
             assert len(late.accepted) == 2
         assert len(web.asked) == 2
+
+
+def test_many_notices_for_an_address_that_is_down_keep_no_other_waiting(
+    records: Records, courier: Callable[..., Courier]
+) -> None:
+    with records.writing() as connection:
+        for number in range(205):
+            ended = datetime.now(UTC).isoformat()
+            write_notice(
+                connection, Notice(f"{number}", "failure", "", "block-7", "s", "Failed", "Full.", "", ended)
+            )
+    with web_receiver() as web:
+        both = courier(f"json://127.0.0.1:{free_port('127.0.0.1')}", web.address)
+        assert both.deliver() == 205
+        assert {one["notice"]["id"] for one in web.accepted} == {str(number) for number in range(205)}
+
+
+def test_a_clock_that_ran_ahead_delays_no_notice(records: Records, courier: Callable[..., Courier]) -> None:
+    ended_run(records)
+    with web_receiver(answers=[500]) as web:
+        patient = courier(web.address, patience=Patience(0.0, 3600.0, 3 * 86_400.0))
+        assert patient.deliver() == 1
+        with records.writing() as connection:
+            ahead = datetime.now(UTC) + timedelta(days=365)
+            connection.execute(update(NOTICE_DELIVERIES).values(due=ahead))
+        assert patient.deliver() == 0
+        assert len(web.accepted) == 1
 
 
 @pytest.mark.parametrize(
