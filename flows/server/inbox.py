@@ -12,8 +12,9 @@ import hashlib
 import json
 import os
 import re
+import stat
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -48,10 +49,12 @@ class Delivery:
     ----------
     folder : where it lies, links resolved.
     key : what tells it from another delivery into the same folder.
+    changed : when a file of it was last written or renamed, s since 1970.
     """
 
     folder: Path
     key: str
+    changed: float
 
 
 @dataclass(frozen=True)
@@ -63,11 +66,13 @@ class Inbox:
     complete : the deliveries that can be started, by folder.
     waiting : folders without a marker file, or that still change.
     refused : by folder, why a marked delivery is not started, a sentence.
+    runs : by key, the latest run of the deliveries that have had one.
     """
 
     complete: tuple[Delivery, ...]
     waiting: tuple[Path, ...]
     refused: Mapping[Path, str]
+    runs: Mapping[str, RunRecord]
 
 
 def configured_inbox(environment: Mapping[str, str] = os.environ) -> Path:
@@ -91,18 +96,21 @@ class CalledOffError(Exception):
 def read_inbox(
     folder: Path,
     roots: Roots,
-    verified: set[str] | None = None,
+    known: dict[Delivery, str | None] | None = None,
     *,
     still_s: float = 0.0,
+    runs_of: Callable[[Sequence[str]], Mapping[str, RunRecord]] = lambda _keys: {},
     is_over: Callable[[], bool] = lambda: False,
 ) -> Inbox:
     """Search an inbox for deliveries.
 
     Parameters
     ----------
-    verified : keys of deliveries whose listed files have been read before, so that nobody reads them again
-        every few seconds; those found now are added.
+    known : why the listed files of deliveries are incomplete (None: they are complete) as an earlier look has
+        found, so that nobody reads them again every few seconds; what is found now is added.
     still_s : a marked delivery that has changed within so many seconds waits, too.
+    runs_of : finds the latest run of each delivery that has had one, by their keys; the listed files of these
+        are not read again.
     is_over : whether the look is called off; asked while files are read.
 
     Raises
@@ -118,25 +126,40 @@ def read_inbox(
         raise Location(folder).error(
             f"The inbox cannot be read ({error.strerror}).", "Check --inbox."
         ) from error
-    verified = set() if verified is None else verified
-    complete, waiting, refused = [], [], {}
-    for one in folders:
-        try:
-            if not os.path.lexists(one / MARKER) or _has_just_changed(one, still_s):
-                waiting.append(one)
-                continue
-            trouble = _trouble(one, roots)
-            key = "" if trouble is not None else _key(one)
-            if trouble is None and key not in verified:
-                trouble = _trouble_of_listed(one, roots, is_over)
+    known = {} if known is None else known
+    found = {one: _marked(one, roots, still_s) for one in folders}
+    runs = runs_of([marked.key for marked in found.values() if isinstance(marked, Delivery)])
+    complete, refused = [], {}
+    for one, marked in found.items():
+        trouble = marked
+        if isinstance(marked, Delivery):
+            if marked.key not in runs and marked not in known:
+                known[marked] = _trouble_of_listed(one, roots, is_over)
+            trouble = known.get(marked)
             if trouble is None:
-                verified.add(key)
-                complete.append(Delivery(one.resolve(), key))
-        except OSError as error:
-            trouble = f"It cannot be read ({error.strerror or error})."
-        if trouble is not None:
+                complete.append(marked)
+        if isinstance(trouble, str):
             refused[one] = trouble
-    return Inbox(tuple(complete), tuple(waiting), refused)
+    waiting = tuple(one for one, marked in found.items() if marked is None)
+    return Inbox(tuple(complete), waiting, refused, runs)
+
+
+def _marked(folder: Path, roots: Roots, still_s: float) -> Delivery | str | None:
+    """A marked delivery before its listed files are read, or why it is not started; None: it waits."""
+    try:
+        if not os.path.lexists(folder / MARKER):
+            return None
+        files = _delivered(folder)
+        newest = max((status.st_ctime for status in files.values()), default=0.0)
+        # A clock that was set back has no effect.
+        if 0.0 <= time.time() - newest < still_s:
+            return None
+        return _trouble(folder, roots) or Delivery(folder.resolve(), _key(folder, files), newest)
+    except FileNotFoundError:
+        # A file was renamed between two looks at it: it is being copied.
+        return None
+    except OSError as error:
+        return f"It cannot be read ({error.strerror or error})."
 
 
 def _trouble(folder: Path, roots: Roots) -> str | None:
@@ -157,6 +180,13 @@ def _trouble(folder: Path, roots: Roots) -> str | None:
 
 def _trouble_of_listed(folder: Path, roots: Roots, is_over: Callable[[], bool]) -> str | None:
     """Why the files listed in the marker file are incomplete; None: they are complete."""
+    try:
+        return _trouble_of_lines(folder, roots, is_over)
+    except OSError as error:
+        return f"It cannot be read ({error.strerror or error})."
+
+
+def _trouble_of_lines(folder: Path, roots: Roots, is_over: Callable[[], bool]) -> str | None:
     try:
         text = read_delivered((folder / MARKER).resolve(), "document").decode(errors="replace")
     except InputError as error:
@@ -190,30 +220,30 @@ def _digest(file: Path, is_over: Callable[[], bool]) -> str:
     return digest.hexdigest()
 
 
-def _has_just_changed(folder: Path, still_s: float) -> bool:
-    """Whether a file was written or renamed there just now; a clock that was set back has no effect."""
-    if still_s == 0.0:
-        return False
-    newest = max((file.stat().st_ctime for file in _delivered(folder)), default=0.0)
-    return 0.0 <= time.time() - newest < still_s
+def _key(folder: Path, files: Mapping[Path, os.stat_result]) -> str:
+    """Digest of what was delivered: names, sizes and times of all files but results.
 
-
-def _key(folder: Path) -> str:
-    """Digest of what was delivered: names, sizes and times of all files but results."""
+    Another form of it would process all deliveries again.
+    """
     told = [str(folder.resolve())]
-    for file in sorted(_delivered(folder)):
-        status = file.stat()
+    for file, status in sorted(files.items(), key=lambda one: one[0]):
         told.append(f"{file.relative_to(folder)} {status.st_size} {status.st_mtime_ns}")
     return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
-def _delivered(folder: Path) -> Iterator[Path]:
+def _delivered(folder: Path) -> dict[Path, os.stat_result]:
+    """The files of a delivery with what the system knows of them, without those of results."""
+    found = {}
     for at, folders, files in os.walk(folder):
         # Output folders are known by their stage store.
         folders[:] = [
             name for name in folders if name[0] != "." and not (Path(at) / name / ".store").is_dir()
         ]
-        yield from (Path(at) / name for name in files if (Path(at) / name).is_file())
+        for file in (Path(at) / name for name in files):
+            # Links that lead nowhere are no files.
+            if not file.is_symlink() or file.exists():
+                found[file] = file.stat()
+    return {file: status for file, status in found.items() if stat.S_ISREG(status.st_mode)}
 
 
 #: Flow to run for each delivery.
@@ -257,15 +287,18 @@ def schedule_deliveries(
     inbox: Path,
     roots: Roots,
     story: StoryOfDeliveries,
-    verified: set[str] | None = None,
+    known: dict[Delivery, str | None] | None = None,
     is_over: Callable[[], bool] = lambda: False,
+    *,
+    only_look: bool = False,
 ) -> Scheduled:
     """Schedule a run for every complete delivery that has none.
 
     Parameters
     ----------
     records : remember what was done with a delivery, whatever becomes of the server's own records.
-    verified, is_over : as of `read_inbox`.
+    known, is_over : as of `read_inbox`.
+    only_look : schedule nothing; complete deliveries wait for another call.
 
     Raises
     ------
@@ -274,26 +307,36 @@ def schedule_deliveries(
     InstallationError
         If server or records cannot be asked.
     """
-    found = read_inbox(inbox, roots, verified, still_s=STILL_S, is_over=is_over)
-    outcomes = {delivery.folder.name: _schedule(api, records, delivery, story) for delivery in found.complete}
-
-    def with_outcome(outcome: str) -> tuple[str, ...]:
-        return tuple(name for name, how in outcomes.items() if how == outcome)
-
+    found = read_inbox(inbox, roots, known, still_s=STILL_S, runs_of=records.of_deliveries, is_over=is_over)
+    begun: list[str] = []
+    before: list[str] = []
+    for delivery in found.complete:
+        if _has_its_run(found.runs.get(delivery.key)):
+            before.append(delivery.folder.name)
+        elif not only_look:
+            is_new = _schedule(api, records, delivery, story, found.runs.get(delivery.key))
+            (begun if is_new else before).append(delivery.folder.name)
     return Scheduled(
-        with_outcome("begun"),
-        with_outcome("known"),
+        tuple(begun),
+        tuple(before),
         tuple(visible(folder.name) for folder in found.waiting),
         tuple(visible(f"{folder.name} was not started. {why}") for folder, why in found.refused.items()),
     )
 
 
+def _has_its_run(latest: RunRecord | None) -> bool:
+    return latest is not None and (latest.state in DECIDED or not latest.has_ended)
+
+
 def _schedule(
-    api: Api, records: Records, delivery: Delivery, story: StoryOfDeliveries
-) -> Literal["begun", "known"]:
-    before = records.of_delivery(delivery.key)
-    if before is not None and (before.state in DECIDED or not before.has_ended):
-        return "known"
+    api: Api, records: Records, delivery: Delivery, story: StoryOfDeliveries, before: RunRecord | None
+) -> bool:
+    """Schedule the run of a delivery; returns whether it is a new one.
+
+    Parameters
+    ----------
+    before : its latest run; None: it has had none.
+    """
     project_file = delivery.folder / "project.toml"
     # The server hands back the run there is when it has seen the key before. So nothing is lost or doubled if
     # this process is killed before it can note the run, and one that the server has lost is made again.
@@ -304,11 +347,11 @@ def _schedule(
     }
     run = api.post(f"/deployments/{_deployment(api, story)}/create_flow_run", body)
     if before is not None and before.id == run["id"]:
-        return "known"
+        return False
     message, results = "It is not its turn yet.", str(project_file.parent / "results")
-    known = {"directory": results, "delivery": delivery.key}
-    records.schedule(RunRecord.of(run["id"], project_file, story, "Scheduled", message, **known))
-    return "begun"
+    of_delivery = {"directory": results, "delivery": delivery.key}
+    records.schedule(RunRecord.of(run["id"], project_file, story, "Scheduled", message, **of_delivery))
+    return True
 
 
 def _deployment(api: Api, story: str) -> str:

@@ -26,7 +26,7 @@ import psutil
 
 from flows.server.api import Api, FlowRun, flow_runs, flow_runs_in, set_state, watch_heartbeats
 from flows.server.child import Say
-from flows.server.inbox import CalledOffError, Scheduled, schedule_deliveries
+from flows.server.inbox import CalledOffError, Delivery, Scheduled, schedule_deliveries
 from flows.server.settings import Settings
 from tasks.errors import AerocalError
 from tasks.production.records import Records
@@ -272,7 +272,7 @@ class Watch:
     def __init__(self, settings: Settings, api: Api, records: Records, say: Say) -> None:
         self.settings, self.api, self.records, self.say = settings, api, records, say
         self.inbox: Scheduled | None = None
-        self._verified: set[str] = set()
+        self._known: dict[Delivery, str | None] = {}
 
     def look(self, is_over: Callable[[], bool] = lambda: False) -> None:
         """Do what is due and report it; a failure is reported once.
@@ -287,11 +287,18 @@ class Watch:
             self.say(f"Run of {run.project}: {run.state}. {run.message}")
         for run in begin_again(self.api, self.records):
             self.say(f"Run of {run.project} is restarted (restart {run.attempts - 1}).")
-        if self.settings.inbox is None or self.settings.only_on_schedule:
+        settings = self.settings
+        if settings.inbox is None:
             return
-        roots, story = self.settings.roots, self.settings.story
         found = schedule_deliveries(
-            self.api, self.records, self.settings.inbox, roots, story, self._verified, is_over
+            self.api,
+            self.records,
+            settings.inbox,
+            settings.roots,
+            settings.story,
+            self._known,
+            is_over,
+            only_look=settings.only_on_schedule,
         )
         for name in found.begun:
             self.say(f"Delivery {name}: a run is scheduled.")

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import Connection, Row, func, insert, inspect, select, update
+from sqlalchemy import Column, Connection, Row, Select, func, insert, inspect, select, update
 from sqlalchemy.exc import IntegrityError
 
 from tasks.database.address import Holding, database_address
@@ -39,7 +39,7 @@ from tasks.production.variable import RECORDS_VARIABLE
 
 #: What messages call them.
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")
-#: Numbers of runs that are requested in one statement.
+#: Values that are requested in one statement.
 _BATCH = 500
 # A sweep next to an adjustment replaces none of its files, and the other way round.
 _IS_SWEEP = RUNS.c.story == SWEEP
@@ -201,14 +201,15 @@ class Records(Database):
         """A run by its number; None if unknown."""
         return next(iter(self.runs(id=run_id)), None)
 
-    def of_delivery(self, key: str) -> RunRecord | None:
-        """The latest run for a delivery; None if there is none."""
-        return next(iter(self.runs(delivery=key, most=1)), None)
+    def of_deliveries(self, keys: Sequence[str]) -> dict[str, RunRecord]:
+        """By key, the latest run of the deliveries that have one; without figures, which are slow to read."""
+        chosen = select(*(column for column in RUNS.c if column is not RUNS.c.summary))
+        latest_last = chosen.order_by(RUNS.c.scheduled, RUNS.c.id.desc())
+        return {str(run.delivery): run for run in self._with(latest_last, RUNS.c.delivery, keys)}
 
     def runs_with(self, ids: Sequence[str]) -> tuple[RunRecord, ...]:
         """The known runs among these numbers."""
-        parts = (ids[first : first + _BATCH] for first in range(0, len(ids), _BATCH))
-        return tuple(run for part in parts for run in self._read(select(RUNS).where(RUNS.c.id.in_(part))))
+        return self._with(select(RUNS), RUNS.c.id, ids)
 
     def latest(self) -> tuple[LatestRun, ...]:
         """The latest run of every story on every project file, without the parts that are slow to read."""
@@ -255,6 +256,11 @@ class Records(Database):
         with self.writing():
             pass
 
+    def _with(self, chosen: Select[Any], column: Column[str], values: Sequence[str]) -> tuple[RunRecord, ...]:
+        """The chosen runs whose value in a column is one of these."""
+        parts = (values[first : first + _BATCH] for first in range(0, len(values), _BATCH))
+        return tuple(run for part in parts for run in self._read(chosen.where(column.in_(part))))
+
     def _read(self, statement: Any) -> tuple[RunRecord, ...]:
         return tuple(_record(row) for row in self.rows(statement))
 
@@ -298,7 +304,7 @@ def write_notice(connection: Connection, notice: Notice) -> None:
 
 def _record(row: Row[Any]) -> RunRecord:
     content = dict(row._mapping)
-    figures = content.pop("summary") or RunFigures()
+    figures = content.pop("summary", None) or RunFigures()
     return RunRecord(**content, figures=figures)
 
 

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from pathlib import Path
 
 import pytest
 
-from flows.server.inbox import MARKER, CalledOffError, Inbox, read_inbox
+from flows.server.api import Api
+from flows.server.inbox import (
+    MARKER,
+    CalledOffError,
+    Delivery,
+    Inbox,
+    Scheduled,
+    read_inbox,
+    schedule_deliveries,
+)
 from flows.server.roots import roots_of
 from tasks.errors import InputError
+from tasks.production.records import Records
+from tasks.production.run_record import RunRecord
 
 
 @pytest.fixture
@@ -105,17 +119,90 @@ def test_the_key_changes_with_the_delivery_and_not_with_its_results(inbox: Path)
 def test_listed_files_are_read_once_as_long_as_nothing_changes(inbox: Path) -> None:
     block = inbox / "block-1"
     (block / MARKER).write_text(listed(block))
-    verified: set[str] = set()
+    known: dict[Delivery, str | None] = {}
     roots = roots_of([inbox])
-    assert len(read_inbox(inbox, roots, verified).complete) == 1
-    status = (block / "exposures.csv").stat()
-    text = (block / "exposures.csv").read_text()
-    (block / "exposures.csv").write_text(text.replace("100", "101"))
-    os.utime(block / "exposures.csv", ns=(status.st_atime_ns, status.st_mtime_ns))
-    # Same size and time: not read again, which is what spares the disk.
-    assert len(read_inbox(inbox, roots, verified).complete) == 1
-    os.utime(block / "exposures.csv", (1, 1))
-    assert not read_inbox(inbox, roots, verified).complete
+    for content in (None, "damaged"):
+        if content is not None:
+            (block / "exposures.csv").write_text(content)
+        first = read_inbox(inbox, roots, known)
+        assert len(known) == (1 if content is None else 2)
+        # No file is read, so nobody asks whether the look is over.
+        again = read_inbox(inbox, roots, known, is_over=lambda: True)
+        assert (again.complete, again.refused) == (first.complete, first.refused)
+    assert "differs from its digest" in again.refused[block]
+
+
+def test_a_damaged_file_that_is_replaced_is_read_though_size_and_time_are_the_same(inbox: Path) -> None:
+    block = inbox / "block-1"
+    (block / MARKER).write_text(listed(block))
+    file, known, roots = block / "exposures.csv", dict[Delivery, str | None](), roots_of([inbox])
+    content, status = file.read_bytes(), file.stat()
+    for written, expected in ((content[::-1], 0), (content, 1)):
+        file.write_bytes(written)
+        os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns))
+        assert len(read_inbox(inbox, roots, known).complete) == expected
+
+
+def test_the_listed_files_of_a_delivery_that_had_a_run_are_not_read_again(inbox: Path) -> None:
+    block = inbox / "block-1"
+    (block / MARKER).write_text(listed(block))
+
+    def runs_of(keys: Sequence[str]) -> dict[str, RunRecord]:
+        return {key: RunRecord.of("1", block / "project.toml", "story", "Completed") for key in keys}
+
+    found = read_inbox(inbox, roots_of([inbox]), runs_of=runs_of, is_over=lambda: True)
+    assert [one.key for one in found.complete] == list(found.runs)
+
+
+def test_a_look_that_starts_nothing_tells_what_is_held_back(inbox: Path, tmp_path: Path) -> None:
+    """With --only-on-schedule, by day; a call of the server would fail."""
+    (inbox / "empty").mkdir()
+    for name in ("block-1", "empty"):
+        (inbox / name / MARKER).touch()
+    nobody, records = Api("http://127.0.0.1:9/api"), Records.at(str(tmp_path / "records.sqlite"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("flows.server.inbox.STILL_S", 0.0)
+        told = schedule_deliveries(
+            nobody, records, inbox, roots_of([inbox]), "aerial-triangulation", only_look=True
+        )
+    assert told == Scheduled((), (), ("block-2",), ("empty was not started. It has no project.toml.",))
+    assert records.runs() == ()
+
+
+def test_the_key_of_a_delivery_stays_when_the_program_is_upgraded(inbox: Path) -> None:
+    """Else all deliveries of the inbox would be processed again."""
+    block = inbox / "block-1"
+    (block / "a-b").mkdir()
+    (block / "a").mkdir()
+    for name in (MARKER, "a-b/1.csv", "a/2.csv"):
+        (block / name).touch()
+    (block / "nowhere").symlink_to(block / "nothing")
+    told = [str(block.resolve())]
+    for file in sorted(file for file in block.rglob("*") if file.is_file()):
+        told.append(f"{file.relative_to(block)} {file.stat().st_size} {file.stat().st_mtime_ns}")
+    key = sha256(json.dumps(told).encode()).hexdigest()
+    assert [one.key for one in read(inbox).complete] == [key]
+
+
+def test_a_delivery_whose_files_are_renamed_while_they_are_looked_at_is_never_refused(inbox: Path) -> None:
+    block = inbox / "block-1"
+    (block / MARKER).touch()
+    over = threading.Event()
+
+    def copy() -> None:
+        while not over.is_set():
+            for number in range(50):
+                (block / f".{number}.part").touch()
+                (block / f".{number}.part").rename(block / f"{number}.csv")
+
+    with ThreadPoolExecutor(1) as copying:
+        copying.submit(copy)
+        try:
+            found = [read_inbox(inbox, roots_of([inbox]), still_s=60.0) for _ in range(100)]
+        finally:
+            over.set()
+    assert [one.refused for one in found] == [{}] * 100
+    assert not any(one.complete for one in found)
 
 
 def test_an_inbox_that_is_gone_is_said(inbox: Path) -> None:

@@ -36,14 +36,14 @@ def found(records: Records) -> RunRecord:
 def test_records_that_do_not_exist_are_empty_and_reading_makes_none(records: Records) -> None:
     assert records.runs() == ()
     assert records.run("one") is None
-    assert records.of_delivery("key") is None
+    assert records.of_deliveries(["key"]).get("key") is None
     if records.address.file is not None:
         assert not records.address.file.exists()
 
 
 def test_a_run_is_remembered_from_delivery_to_end(records: Records) -> None:
     records.schedule(replace(RUN, delivery="key"))
-    assert records.of_delivery("key") == replace(RUN, delivery="key")
+    assert records.of_deliveries(["key"]).get("key") == replace(RUN, delivery="key")
     records.begin(replace(RUN, message="begun"))
     begun = records.run("one")
     assert begun is not None
@@ -97,7 +97,7 @@ def test_a_run_that_the_machine_has_ended_is_due_and_begun_again_once(records: R
     assert due.message.startswith("killed. It is restarted after ")
     assert records.begin_again(due, "Finished stages are kept.")
     assert not records.begin_again(due, "Finished stages are kept."), "somebody else has"
-    waiting = records.of_delivery("key")
+    waiting = records.of_deliveries(["key"]).get("key")
     assert waiting is not None
     assert (waiting.state, waiting.ended, waiting.attempts) == ("Scheduled", None, 2)
     assert records.due(datetime.now(UTC)) == ()
@@ -149,7 +149,7 @@ def test_what_may_pass_is_tried_again_and_what_may_not_is_not(records: Records) 
 def test_a_run_that_began_before_its_delivery_was_noted_belongs_to_it(records: Records) -> None:
     records.begin(RUN)
     records.schedule(replace(RUN, delivery="key"))
-    known = records.of_delivery("key")
+    known = records.of_deliveries(["key"]).get("key")
     assert known is not None
     assert (known.id, known.state) == ("one", "Running")
 
@@ -188,7 +188,7 @@ def test_runs_come_latest_first_and_can_be_chosen(records: Records) -> None:
 
 def test_any_text_comes_back_as_it_was(records: Records) -> None:
     records.schedule(replace(RUN, id=HOSTILE, project=HOSTILE, message=HOSTILE, delivery=HOSTILE))
-    found = records.of_delivery(HOSTILE)
+    found = records.of_deliveries([HOSTILE]).get(HOSTILE)
     assert found is not None
     assert (found.id, found.project, found.message) == (HOSTILE, HOSTILE, HOSTILE)
     assert len(records.runs()) == 1
