@@ -192,12 +192,23 @@ def _lives(run: RunRecord) -> bool:
         return False
     try:
         process = psutil.Process(run.process)
+        if process.status() == psutil.STATUS_ZOMBIE:
+            return False
         started = datetime.fromtimestamp(process.create_time(), UTC)
-        return process.status() != psutil.STATUS_ZOMBIE and started < run.begun + _YOUNGER
+        return started < run.begun + _YOUNGER or _carries_out(process, run)
     except psutil.NoSuchProcess:
         return False
     except psutil.AccessDenied:
         return True
+
+
+def _carries_out(process: psutil.Process, run: RunRecord) -> bool:
+    """Whether a process was started by a runner for this run, whatever a clock that was set since says."""
+    try:
+        return process.environ().get("PREFECT__FLOW_RUN_ID") == run.id
+    except psutil.AccessDenied:
+        # Of another user, none of ours.
+        return False
 
 
 class Repeated:

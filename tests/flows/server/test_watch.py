@@ -1,0 +1,52 @@
+"""Which runs live, by what the records and this machine know of them."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from flows.server.watch import died_here, lives_here
+from tasks.production.run_record import RunRecord
+from tests.conftest import Start
+
+
+@pytest.fixture
+def of_a_runner(start: Start) -> tuple[RunRecord, subprocess.Popen[str]]:
+    """A run and the process that carries it out, as a runner starts it."""
+    started = RunRecord.of("one", Path("/data/block-7/project.toml"), "aerial-triangulation", "Running")
+    process = start(
+        sys.executable, "-c", "input()", env={**os.environ, "PREFECT__FLOW_RUN_ID": "one"},
+        stdin=subprocess.PIPE,
+    )  # fmt: skip
+    return replace(started, begun=datetime.now(UTC), host=socket.gethostname(), process=process.pid), process
+
+
+@pytest.mark.parametrize("hours", [0, -2, 3])
+def test_a_run_lives_as_long_as_its_process_though_the_clock_was_set(
+    of_a_runner: tuple[RunRecord, subprocess.Popen[str]], hours: int
+) -> None:
+    run, process = of_a_runner
+    assert run.begun is not None
+    run = replace(run, begun=run.begun + timedelta(hours=hours))
+    assert lives_here(run)
+    assert not died_here(run)
+    assert not lives_here(replace(run, host="another"))
+    process.kill()
+    process.wait()
+    assert died_here(run)
+    assert not died_here(replace(run, host="another"))
+
+
+def test_a_younger_process_with_its_number_is_not_that_of_a_run(
+    of_a_runner: tuple[RunRecord, subprocess.Popen[str]],
+) -> None:
+    run, _process = of_a_runner
+    assert run.begun is not None
+    assert died_here(replace(run, id="another", begun=run.begun - timedelta(hours=2)))
