@@ -6,6 +6,7 @@ from __future__ import annotations
 EXTRA_OF = {
     "prefect": "server",
     "fastapi": "server",
+    "cronsim": "server",
     "apprise": "server",
     "dash": "server",
     "dash_ag_grid": "server",

@@ -12,10 +12,12 @@ import socket
 import zoneinfo
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, get_args
 from urllib.parse import urlsplit
 
+from cronsim import CronSim, CronSimError
 from pydantic import TypeAdapter
 
 from flows.server.door import Door, door_of
@@ -194,11 +196,17 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
 
 def _require_schedule(option: str, cron: str | None) -> None:
     """Check the schedule, which Prefect would do only in the runner."""
-    if cron is not None and len(cron.split()) != 5:
+    if cron is None:
+        return
+    try:
+        if len(cron.split()) != 5:
+            raise CronSimError("Not five fields")
+        CronSim(cron, datetime.now(UTC))
+    except CronSimError as error:
         raise InputError(
-            f"'{cron}' is not a schedule.",
+            f"'{cron}' is not a schedule ({error}).",
             f'Write minute, hour, day, month, weekday, e.g. {option} "30 1 * * *".',
-        )
+        ) from error
 
 
 def _require_zone(name: str) -> None:

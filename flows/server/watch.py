@@ -205,7 +205,7 @@ def _lives(run: RunRecord) -> bool:
 def _carries_out(process: psutil.Process, run: RunRecord) -> bool:
     """Whether a process was started by a runner for this run, whatever a clock that was set since says."""
     try:
-        return process.environ().get("PREFECT__FLOW_RUN_ID") == run.id
+        return bool(process.environ().get("PREFECT__FLOW_RUN_ID") == run.id)
     except psutil.AccessDenied:
         # Of another user, none of ours.
         return False

@@ -71,6 +71,8 @@ def test_the_inbox_is_a_root_and_links_are_resolved(tmp_path: Path) -> None:
         ({"inbox": Path("/no/such/folder")}, "--inbox"),
         ({"root": [Path("/no/such/folder")]}, "--root"),
         ({"cron": "nightly"}, "30 1"),
+        ({"cron": "61 1 * * *"}, "30 1"),
+        ({"cron": "0 1 * * FOO"}, "30 1"),
         ({"only_on_schedule": True, "cron": None}, "--cron"),
         ({"timezone": "Europe/Berlinn"}, "IANA"),
         ({"timezone": "../../etc/passwd"}, "IANA"),
