@@ -31,6 +31,8 @@ _FAILURES = 15
 _OLDER_RUNS = 20
 # Seconds that requests under way have when the page ends.
 _LAST_ANSWERS = 2
+# What anybody sends is stored before the door is asked; the page itself sends a row of the grid at most.
+_MOST_BYTES = 1_000_000
 _PLOT: Any = {
     "displaylogo": False,
     "responsive": True,
@@ -239,7 +241,8 @@ def page_server(sources: Sources, host: str, port: int) -> Iterator[None]:
     sockets: dict[int, Any] = {}
     app = application(sources).server
     # Its own name and version are nobody's business.
-    server = waitress.create_server(app, map=sockets, host=host, port=port, threads=6, ident=None)
+    own: Any = {"map": sockets, "ident": None, "max_request_body_size": _MOST_BYTES}
+    server = waitress.create_server(app, host=host, port=port, threads=6, **own)
     waker = next(one for one in sockets.values() if isinstance(one, trigger))
     ends = threading.Event()
     polling = threading.Thread(target=_poll, args=[sockets, ends], daemon=True)

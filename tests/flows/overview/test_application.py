@@ -8,6 +8,7 @@ import re
 import socket
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -318,6 +319,22 @@ def test_a_page_ends_without_a_fault_while_visitors_come_and_go(sources: Sources
             threading.Thread(target=_hang_up, args=[visitors]).start()
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.1", port))
+
+
+@pytest.mark.parametrize("declared", [True, False])
+def test_a_stranger_cannot_fill_the_disk(sources: Sources, declared: bool) -> None:
+    """What is sent is kept in a file until the whole of it has come."""
+    port, sent = free_port("127.0.0.1"), 0
+    with page_server(sources, "127.0.0.1", port), socket.create_connection(("127.0.0.1", port)) as stranger:
+        length = "Content-Length: 30000000" if declared else "Transfer-Encoding: chunked"
+        stranger.sendall(f"POST /enter HTTP/1.1\r\nHost: localhost\r\n{length}\r\n\r\n".encode())
+        piece = b"x" * 60_000 if declared else b"ea60\r\n" + b"x" * 60_000 + b"\r\n"
+        # The server hangs up in between.
+        with suppress(ConnectionError):
+            for _ in range(500):
+                stranger.sendall(piece)
+                sent += len(piece)
+    assert sent < 25_000_000
 
 
 def _hang_up(visitors: list[socket.socket]) -> None:
