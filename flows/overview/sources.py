@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from typing import Any, Generic, TypeVar
@@ -48,16 +48,13 @@ class QueuedRun:
         return None if self.begun is not None or self.due > now else self.due
 
 
-def queue_of_records(runs: Sequence[RunRecord]) -> tuple[QueuedRun, ...]:
-    """The queue according to the records, which lack waiting runs that were started in the dashboard."""
-    return tuple(
-        QueuedRun(run.id, f"{run.project} · {run.story}", run.state, run.scheduled, run.begun)
-        for run in runs
-        if not run.has_ended
-    )
+def _of_record(run: RunRecord) -> QueuedRun:
+    # One that waits for another attempt has begun before.
+    begun = run.begun if run.state == "Running" else None
+    return QueuedRun(run.id, f"{run.project} · {run.story}", run.state, run.scheduled, begun)
 
 
-def in_order(queue: Sequence[QueuedRun]) -> tuple[QueuedRun, ...]:
+def _in_order(queue: Iterable[QueuedRun]) -> tuple[QueuedRun, ...]:
     """Active runs first, then waiting ones in the order of their turn."""
     return tuple(sorted(queue, key=lambda one: (one.begun is None, one.begun or one.due, one.run)))
 
@@ -97,7 +94,7 @@ def server_view(api: Api, now: datetime) -> ServerView:
     ahead = [run for run in found if run.begun is None and run.due > now]
     return ServerView(
         True,
-        in_order([run for run in found if run not in ahead]),
+        _in_order(run for run in found if run not in ahead),
         min(ahead, key=lambda run: run.due, default=None),
     )
 
@@ -194,8 +191,9 @@ class Sources:
         found = server_view(self.api, datetime.now(UTC))
         if found.reachable:
             return found
+        # These lack waiting runs that were started in the dashboard.
         unfinished = self.records.runs(states=("Scheduled", "Running"))
-        return ServerView(False, queue_of_records(unfinished), None)
+        return ServerView(False, _in_order(map(_of_record, unfinished)), None)
 
     def _read_registry(self) -> Calibrations:
         if self.registry is None:

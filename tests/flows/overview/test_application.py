@@ -280,6 +280,19 @@ def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> 
     assert "not complete yet (no file DELIVERED, or still changing): block-9" in told
 
 
+def test_the_queue_of_the_records_is_in_the_order_of_turns(sources: Sources, records: Records) -> None:
+    """They stand in for a server that does not answer."""
+    first, second, third, again = (run(f"project-{number}", float(number)) for number in range(4))
+    for one in (second, first, third):
+        records.schedule(one)
+    for one in (third, again):
+        records.begin(one)
+    records.reschedule(again.id, "It was terminated by the machine.")
+    queue = sources.server().queue
+    assert [one.run for one in queue] == [third.id, first.id, second.id, again.id]
+    assert [one.begun is None for one in queue] == [False, True, True, True]
+
+
 def test_records_that_cannot_be_read_are_said_and_the_page_stays(
     sources: Sources, browse: Browse, records: Records
 ) -> None:
@@ -305,6 +318,16 @@ def test_a_selected_project_tells_its_gates_problems_and_older_runs(
     for text in ("Strip 3 contradicts", "sigma0", "≤ 1.2", "▲ not passed", "exposures.csv is not there."):
         assert text in told
     assert asked(client, "detail.children", [[{"run": "unknown"}]], [])["detail"]["children"] is None
+
+
+@pytest.mark.parametrize(
+    "state", ["InputError", "NotComputable", "GateFailed", "Failed", "Crashed", "TimedOut"]
+)
+def test_what_to_do_about_a_run_that_did_not_pass_is_told(
+    sources: Sources, browse: Browse, records: Records, state: Any
+) -> None:
+    run_id = ended(records, run("block-7"), state, "A sentence.").id
+    assert "What to do" in json.dumps(asked(browse(sources), "detail.children", [[{"run": run_id}]], []))
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
