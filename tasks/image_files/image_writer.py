@@ -179,6 +179,8 @@ def _compression(dataset: Any, said: dict[str, str]) -> dict[str, Any]:
 def _photometric(dataset: Any, said: dict[str, str]) -> str:
     from rasterio.enums import ColorInterp
 
+    if dataset.count == 4 and "SOURCE_COLOR_SPACE" in said:
+        return "rgb"  # GDAL has made red, green, blue and alpha of other colours
     if dataset.driver == "GTiff" and dataset.photometric is not None:
         return str(dataset.photometric.value).lower().replace(" ", "")
     if said.get("MINISWHITE") == "YES":

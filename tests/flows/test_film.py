@@ -18,7 +18,9 @@ from tasks.settings.load_simulation import load_simulation
 from tasks.settings.simulation import Simulation
 from tasks.simulation.simulate import film_of, simulate_project
 from tasks.simulation.simulation_input import block_specification
+from tests.command_line import aerocal
 from tests.flows.adjustment_alone import adjustment_alone
+from tests.tasks.image_files.images import pixels, written
 
 _MM = 1e3
 #: Thirty images of film; marks of 1 µm, shrinkage 1e-4, and no errors of the camera.
@@ -121,6 +123,16 @@ def test_marks_numbered_from_another_side_or_corner_fit_and_are_refused_all_the_
 
     with pytest.raises(RuntimeError, match=hint):
         run(tmp_path, renumber)
+
+
+@pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
+def test_a_scan_is_not_resampled_as_if_it_were_the_image_of_the_camera(results: Path, tmp_path: Path) -> None:
+    image = pd.read_parquet(results / "film_orientations.parquet")["image"][0]
+    scan = written(tmp_path / f"{image}.tif", pixels(1, 30, 30, "uint8"))
+    done = aerocal("undistort", results, scan, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "The camera RMK-153 exposes film" in done.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_uncorrected_scans_contradict_themselves(tmp_path: Path) -> None:

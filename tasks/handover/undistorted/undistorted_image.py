@@ -89,8 +89,11 @@ class _RollingRows:
     def _read(self, first: int, last: int) -> SourceRows:
         about = self._source.description
         pixels, valid = self._source.read((first, last)), self._source.valid((first, last))
-        if np.issubdtype(pixels.dtype, np.floating) and about.validity in ("all", "nodata"):
+        if np.issubdtype(pixels.dtype, np.floating):
             is_number = np.isfinite(pixels)
+            if about.validity in ("mask", "alpha"):
+                # A mask is one for all bands.
+                is_number = is_number.all(axis=0, keepdims=True)
             valid = is_number if valid is None else is_number & valid
         return SourceRows(pixels, valid, first, about.rows)
 

@@ -128,6 +128,16 @@ def test_jpeg_stays_jpeg_in_its_quality_and_other_formats_lose_nothing(tmp_path:
             assert file.colorinterp == (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
 
 
+@pytest.mark.parametrize(("photometric", "bands"), [("cmyk", 4), ("cielab", 3)])
+def test_colours_that_gdal_converts_are_written_as_converted(
+    photometric: str, bands: int, tmp_path: Path
+) -> None:
+    source = written(tmp_path / "a.tif", pixels(bands, ROWS, COLUMNS, "uint8"), photometric=photometric)
+    with rasterio.open(source) as given, rasterio.open(copied(source, tmp_path / "b.tif")) as file:
+        np.testing.assert_array_equal(file.read(), given.read())
+        assert file.colorinterp == given.colorinterp
+
+
 def cog(path: Path, data: np.ndarray, **options: object) -> Path:
     """A cloud-optimized GeoTIFF with overviews."""
     plain = written(path.with_name("plain.tif"), data, **({"photometric": "rgb"} if len(data) == 3 else {}))

@@ -14,6 +14,7 @@ from tasks.handover.undistorted.undistort import CameraMap, camera_map
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import opened_image
 from tests.tasks.handover.undistorted.crosses import centres, distorting_camera, measured_centres, taken_image
+from tests.tasks.image_files.images import written
 
 pytestmark = pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
 
@@ -78,3 +79,19 @@ def test_a_camera_without_distortion_changes_no_byte_of_the_pixels(taken: Path, 
     with rasterio.open(taken) as file:
         np.testing.assert_array_equal(made, file.read(1))
     assert (tmp_path / "a.tif").read_bytes() == taken.read_bytes()
+
+
+def test_a_pixel_that_is_no_number_spoils_none_around_it_in_an_image_with_a_mask(tmp_path: Path) -> None:
+    frame = distorting_camera().frame
+    data = np.full((1, frame.rows, frame.columns), 5.0, np.float32)
+    data[0, 200, 300] = np.nan
+    taken = written(tmp_path / "taken.tif", data)
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(taken, "r+") as file:
+        mask = np.ones(data.shape[1:], dtype=bool)
+        mask[:50] = False
+        file.write_mask(mask)
+    made = undistorted(taken, tmp_path / "a.tif", Work("lanczos"))
+    with rasterio.open(tmp_path / "a.tif") as file:
+        valid = file.read_masks(1) != 0
+    assert 1 <= np.isnan(made).sum() <= 4
+    np.testing.assert_array_equal(made[valid], 5.0)
