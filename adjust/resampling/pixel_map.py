@@ -44,7 +44,7 @@ class PixelMap:
     divided_again : (n, 8, 8) number in `finest` of a part that is divided, else −1.
     finest : (m, 8, 8, 2) positions of every pixel of them.
     reach : (R, 2) least and largest row in the source of each row of cells; NaN where there is none.
-    error_px : largest difference to the map itself at pixels spread over the image.
+    error_px : largest difference to the map itself at pixels spread over the image that lie in the source.
     """
 
     columns: int
@@ -86,7 +86,7 @@ def pixel_map(source_of: SourceOf, size: tuple[int, int], source_size: tuple[int
     nodes = np.ascontiguousarray(dense[::2, ::2])
     reach = _reach(nodes, divided, fine, divided_again, finest)
     found = PixelMap(*size, nodes, divided, fine, divided_again, finest, reach)
-    return replace(found, error_px=_largest_error(found, source_of))
+    return replace(found, error_px=_largest_error(found, source_of, source_size))
 
 
 def _divided_cells(
@@ -166,11 +166,17 @@ def _evaluated(source_of: SourceOf, place: Floats) -> Floats:
     return found.reshape(place.shape)
 
 
-def _largest_error(found: PixelMap, source_of: SourceOf) -> float:
-    """Largest difference at pixels that are not nodes, of those that have a source both ways."""
+def _largest_error(found: PixelMap, source_of: SourceOf, source_size: tuple[int, int]) -> float:
+    """Largest difference at pixels that are not nodes, of those that have a source either way."""
     pixels = found.columns * found.rows
     # Every so many pixels, by a step that has no factor in common with the distance of the nodes.
     flat = np.arange(0, pixels, max(pixels // _CHECKED, 1) | 1)
     row, column = np.divmod(flat, found.columns)
-    away = found.at(column, row) - _evaluated(source_of, np.stack([column, row], axis=-1).astype(np.float64))
-    return float(np.nanmax(np.abs(away), initial=0.0))
+    taken, true = (
+        found.at(column, row),
+        _evaluated(source_of, np.stack([column, row], axis=-1).astype(np.float64)),
+    )
+    edges = np.array(source_size) - 0.5
+    # Nothing is taken from beyond the source, where cells are not divided.
+    inside = [((place >= -0.5) & (place < edges)).all(axis=-1) for place in (taken, true)]
+    return float(np.nanmax(np.abs(taken - true)[inside[0] | inside[1]], initial=0.0))

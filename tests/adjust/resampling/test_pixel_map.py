@@ -40,6 +40,19 @@ def test_a_smooth_map_is_kept_to_the_stated_error(bend: float) -> None:
     assert found.error_px == pytest.approx(away, rel=0.2)
 
 
+def test_the_stated_error_is_that_of_pixels_that_have_a_source() -> None:
+    def source(p: Floats) -> Floats:
+        away = p - [350.0, 206.0]
+        return np.asarray(p + 3e-6 * away * (away**2).sum(axis=1, keepdims=True))
+
+    found, true = pixel_map(source, SIZE, SIZE), source(places())
+    inside = ((true >= -0.5) & (true < np.array(SIZE) - 0.5)).all(axis=1)
+    assert 0.5 < inside.mean() < 0.9
+    away = np.abs(every_pixel(found) - true)
+    assert found.error_px == pytest.approx(away[inside].max(), rel=0.5)
+    assert found.error_px < 0.01 < away.max()
+
+
 @pytest.mark.parametrize("step", [4.5, pytest.param(0.9, marks=pytest.mark.slow)])
 def test_a_bend_anywhere_in_a_cell_is_kept_to_a_hundredth_of_a_pixel(step: float) -> None:
     for at in np.arange(64.0, 128.0, step):
