@@ -21,6 +21,8 @@ from tasks.files.json_text import JSON, attributes
 
 #: What became of a part: no points, fewer than needed, no value, tested without limits, within, beyond.
 Case: TypeAlias = Literal["none", "too_few", "undefined", "found", "met", "missed"]
+# A difference that needs more decimals is shown as none.
+_MOST_DECIMALS = 9
 _PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 _UNCHECKED = "Limits and wording of this template were not checked against the document."
 
@@ -163,7 +165,11 @@ def _part(
     if case == "too_few":
         text = getattr(part.texts, f"too_few{of_limits}") or text
     scale = _PER_METRE[template.unit]
-    places = {name: f"{value * scale:.{template.decimals}f}" for name, value in values.items()}
+    places = {
+        name: f"{value * scale:.{decimals_beyond(value * scale, scale * limit, template.decimals)}f}"
+        for name, value in values.items()
+        for limit in (limits.get(name, math.nan),)
+    }
     places |= {
         "name": template.name,
         "edition": template.edition,
@@ -177,6 +183,14 @@ def _part(
     }
     sentence = text.format_map(_Known(places))
     return PartFound(part.points, number, case, figures, limits, exceeded, sentence)
+
+
+def decimals_beyond(value: float, limit: float, decimals: int) -> int:
+    """Decimals, so many at least, with which a value beyond a limit does not look as if it kept it."""
+    value = abs(value)
+    while value > limit >= round(value, decimals) and decimals < _MOST_DECIMALS:
+        decimals += 1
+    return decimals
 
 
 class _Known(dict[str, str]):

@@ -43,6 +43,25 @@ class StatementSettings(Settings):
             raise trouble("A statement has either a standard or a template.", "Give one of the two.")
         return self
 
+    @model_validator(mode="after")
+    def _used(self) -> StatementSettings:
+        """Whether the template says something about everything that is given."""
+        if self.class_m is None and not self.vegetated:
+            return self
+        template = self.content()
+        if self.class_m is not None and not any(part.class_of for part in template.parts):
+            raise trouble(
+                f"class_m is given, but the statement by {template.name} has no accuracy class.",
+                "Remove class_m, or name a standard or template that has a class.",
+            )
+        if self.vegetated and not any(part.points == "vegetated" for part in template.parts):
+            raise trouble(
+                f"vegetated is given, but the statement by {template.name} says nothing about points under "
+                "vegetation.",
+                "Remove it, and every check point counts, or name a template with a part about them.",
+            )
+        return self
+
     @property
     def wanted(self) -> AccuracyClass | None:
         """The class to be met; None: none."""

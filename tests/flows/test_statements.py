@@ -85,6 +85,8 @@ def test_a_template_of_ones_own_states_and_a_change_of_it_computes_the_statement
         ("class_m = 0.1", "either a standard or a template"),
         ('standard = "asprs-2024"\nvegetated = ["nobody"]', "'nobody' is listed under `vegetated`"),
         ('template = "missing.toml"', "missing.toml"),
+        ('standard = "nssda-1998"\nclass_m = 0.01', "has no accuracy class"),
+        ('standard = "nssda-1998"\nvegetated = ["1"]', "says nothing about points under vegetation"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
+from tasks.accuracy.statement import decimals_beyond
 from tasks.document_kit.row_table import number_of, numbers_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
 from tasks.document_kit.templates import rendered
@@ -45,13 +47,15 @@ def figures_table(statements: Sequence[StatementFigure]) -> Table:
         for part in one.parts:
             for name in dict.fromkeys((*part.figures_m, *part.limits_m)) or ("–",):
                 beyond = name in part.exceeded
+                value, limit = part.figures_m.get(name), part.limits_m.get(name)
+                decimals = decimals_beyond(value or 0.0, math.nan if limit is None else limit, 4)
                 cells: tuple[Cell, ...] = (
                     f"{one.standard}, {one.edition}",
                     _POINTS[part.points],
                     Number(part.number),
                     Number(one.check_points_needed),
                     name,
-                    *numbers((part.figures_m.get(name), part.limits_m.get(name)), 4),
+                    *numbers((value, limit), decimals),
                     _CASES["missed"] if beyond and part.number else _CASES[part.case],
                 )
                 rows.append(Row(f"{place}:{part.points}:{name}", cells))

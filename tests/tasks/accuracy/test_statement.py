@@ -12,7 +12,10 @@ from adjust.arrays import Floats
 from tasks.accuracy.check_points import QUANTITIES, CheckPointDifferences
 from tasks.accuracy.statement import AccuracyClass, Statement, statement, statements
 from tasks.accuracy.template import STANDARDS, delivered, read_template
+from tasks.document_kit.table import Number
+from tasks.documents.report.statements import figures_table
 from tasks.errors import InputError
+from tasks.results.figures import StatementFigure
 
 #: RMS of the published direct georeferencing with an UltraCam Eagle, 84 points, and their survey.
 PUBLISHED_M = (0.029, 0.033, 0.059)
@@ -113,6 +116,20 @@ def test_the_class_asked_for_is_met_or_not(
     assert made.sentence.count("NOT meet") == len(missed)
     if wanted is not None:
         assert f"{wanted.horizontal_m * 100:g} cm RMSE_H" in made.sentence
+
+
+def test_a_figure_just_beyond_its_class_does_not_look_as_if_it_kept_it() -> None:
+    made = asprs_of(differences((0.0, 0.0, 0.10004), 40, survey=0.0), AccuracyClass(0.10, 0.10))
+    assert "does NOT meet a 10 cm RMSE_V Vertical Accuracy Class." in made.sentence
+    assert "RMSE_V = 10.004 cm (40 check points)" in made.sentence
+    (row,) = [
+        row
+        for row in figures_table([StatementFigure.model_validate(made.to_json())]).rows
+        if "RMSE_V" in row.key
+    ]
+    assert row.cells[5:7] == (Number(pytest.approx(0.10004), 5), Number(0.10, 5))
+    kept = asprs_of(differences((0.0, 0.0, 0.09999), 40, survey=0.0), AccuracyClass(0.10, 0.10))
+    assert "RMSE_V = 10.0 cm (40 check points)" in kept.sentence
 
 
 def test_a_survey_that_is_too_rough_for_the_class_is_refused() -> None:
