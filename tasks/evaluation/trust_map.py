@@ -116,14 +116,18 @@ class MapCells:
         )
 
     def spread(self, most: int) -> Ints:
-        """At most so many of the cells, in every k-th row and column; at least one."""
+        """At most so many of the cells: of every square of k × k cells of the grid the one nearest its middle."""
         row, column = np.divmod(self.number, self.grid.columns)
-        step = 1
+        side = max(int(np.sqrt(len(row) / most)), 1)
         while True:
-            chosen = np.flatnonzero((row % step == step // 2) & (column % step == step // 2))
-            if len(chosen) <= most:
-                return chosen.astype(np.int64) if len(chosen) else np.zeros(1, dtype=np.int64)
-            step += 1
+            square = row // side * (self.grid.columns // side + 1) + column // side
+            if np.count_nonzero(np.bincount(square)) <= most:
+                break
+            side += max(side // 16, 1)
+        away = (row % side - side // 2) ** 2 + (column % side - side // 2) ** 2
+        by_square = np.lexsort((away, square))
+        first = np.diff(square[by_square], prepend=-1) > 0
+        return np.sort(by_square[first]).astype(np.int64)
 
     def interpolated(self, chosen: Ints, values: Floats) -> Floats:
         """Values (m, d) of all cells from those (k, d) of some: linear between them, else the nearest."""

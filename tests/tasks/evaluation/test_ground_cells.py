@@ -41,6 +41,19 @@ def test_chosen_cells_are_spread_and_not_too_many(most: int) -> None:
     assert most < 10 or np.ptp(chosen // 60) > 10
 
 
+@pytest.mark.parametrize("shape", ["along", "across", "diagonal"])
+def test_chosen_cells_follow_a_corridor(shape: str) -> None:
+    rows, columns = {"along": (2, 2000), "across": (2000, 2), "diagonal": (2000, 2001)}[shape]
+    of = MapGrid(0.0, 10.0 * rows, 10.0, rows, columns)
+    along = np.arange(2000)
+    number = along * columns + along + 1 if shape == "diagonal" else np.arange(rows * columns)
+    chosen = MapCells(of, number, np.column_stack([of.middles[number], 0.0 * number])).spread(300)
+    assert 150 <= len(chosen) <= 300
+    # The next one of them is nowhere further than twice the distance at which 300 would stand.
+    place = number[chosen] // columns if shape != "along" else number[chosen] % columns
+    assert np.diff(np.sort(place), prepend=0, append=1999).max() <= 2 * 2000 / 150
+
+
 def test_a_plane_is_interpolated_exactly_between_the_chosen_cells() -> None:
     of = cells(21, 31)
     plane = of.x_in_map[:, :1] * 0.3 - of.x_in_map[:, 1:2] * 0.1 + 5.0
