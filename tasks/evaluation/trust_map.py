@@ -116,7 +116,7 @@ class MapCells:
         )
 
     def spread(self, most: int) -> Ints:
-        """At most so many of the cells: of every square of k × k cells of the grid the one nearest its middle."""
+        """At most so many of the cells: of every square of k × k of the grid the one nearest its middle."""
         row, column = np.divmod(self.number, self.grid.columns)
         side = max(int(np.sqrt(len(row) / most)), 1)
         while True:
@@ -154,7 +154,7 @@ def map_cells(adjusted: AdjustedBlock, cell: float | None, area: Floats | None =
     Raises
     ------
     InputError
-        If the area holds nothing of the block, or too many cells.
+        If the area holds no cell or nothing of the block, or too many cells.
     """
     points = adjusted.result.state.object_point[adjusted.result.active_point]
     x_in_map = map_from_local(adjusted.map_frame, adjusted.frame, points)
@@ -168,6 +168,12 @@ def map_cells(adjusted: AdjustedBlock, cell: float | None, area: Floats | None =
     chosen = np.arange(len(plan)) if area is None else np.flatnonzero(inside(area, plan))
     z = heights(plan[chosen] - middle[:2])
     known = np.isfinite(z)
+    if not len(chosen):
+        raise InputError(
+            f"No cell of {grid.cell:g} m has its middle in the area of the trust map, "
+            f"{_extent(np.array(area))}.",
+            "Give a smaller trust_map.cell_m.",
+        )
     if area is not None and not known.any():
         raise InputError(
             f"The area of the trust map, {_extent(area)}, does not overlap the block, whose object points "

@@ -13,7 +13,7 @@ from typing import Literal
 from pydantic import BaseModel
 
 from tasks.files.json_text import JSON
-from tasks.settings.quality import AxisGate, Gate, Gates
+from tasks.settings.quality import TRUST_MAP_GATES, AxisGate, Gate, Gates
 
 _AXES = ("x", "y", "z")
 #: The figure that a direct-georeferencing check leaves, and its parts by their gates.
@@ -72,7 +72,7 @@ def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateR
         tested = tuple(_results(name, gate, _figure(name, figures)))
         results += tested
         if any(result.value is None for result in tested):
-            sentences.append(f"The gate {name} counts as failed: this run has no such figure to test.")
+            sentences.append(f"The gate {name} counts as failed: {_why_untested(name, figures)}.")
     return (*results, *_of_calibration(figures)), tuple(sentences)
 
 
@@ -90,6 +90,25 @@ def _belongs_to_run(name: str, figures: Mapping[str, JSON]) -> bool:
     parts = {DIRECT: DIRECT in figures, _ADJUSTMENT: _ADJUSTMENT in figures}
     known = any(parts.values()) or _TWO_STEP_ONLY in figures
     return parts[DIRECT if name in _DIRECT_FIGURES else _ADJUSTMENT] or not known
+
+
+def _why_untested(name: str, figures: Mapping[str, JSON]) -> str:
+    found = figures.get("trust_map") if name in TRUST_MAP_GATES else None
+    if not isinstance(found, Mapping):
+        return "this run has no such figure to test"
+    share, unmapped, uncontrolled = (
+        _number(found[key]) or 0.0 for key in ("share", "unmapped", "uncontrolled")
+    )
+    reasons = []
+    if unmapped:
+        reasons.append(f"{100.0 * unmapped:.1f} % of the area is not mapped")
+    if uncontrolled and name == "trust_map_external_m":
+        reasons.append(
+            f"{100.0 * uncontrolled:.1f} % of the mapped cells have new image coordinates without control, "
+            "as two rays always do"
+        )
+    rest = f"{100.0 * (1.0 - share):.1f} % of the area"
+    return f"its value is unlimited on more than {rest} ({'; '.join(reasons)})"
 
 
 def _figure(name: str, figures: Mapping[str, JSON]) -> JSON:

@@ -103,6 +103,9 @@ def test_cells_of_the_area_that_are_not_mapped_count_as_beyond_every_limit(
     assert summary["trust_map_height_m"] is None
     assert not {gate["name"]: gate for gate in summary["gates"]}["trust_map_height_m"]["passed"]
     assert any("count as exceeding every limit" in problem for problem in summary["problems"])
+    (failed,) = (problem for problem in summary["problems"] if "height_m counts as failed" in problem)
+    assert "trust_map_height_m counts as failed: its value is unlimited on more than 5.0 %" in failed
+    assert failed.endswith("% of the area is not mapped).")
     inner = pd.read_parquet(found.directory / "trust_map_cells.parquet")
     assert inner["y_m"].between(south, north).all()
     # The same cells as without the area have the same values.
@@ -116,6 +119,13 @@ def test_an_area_elsewhere_is_an_error(block: Path) -> None:
     outcome = carry_out(aerial_triangulation, RunRequest(block))
     assert outcome.error is not None
     assert "does not overlap the block" in str(outcome.error)
+
+
+def test_an_area_smaller_than_a_cell_is_an_error_that_says_so(block: Path) -> None:
+    area = "area_m = [[601, 301], [604, 301], [604, 304], [601, 304]]"
+    block.write_text(block.read_text() + f"[trust_map]\ncell_m = 50.0\n{area}\n")
+    outcome = carry_out(aerial_triangulation, RunRequest(block))
+    assert "No cell of 50 m has its middle in the area" in str(outcome.error)
 
 
 def test_a_gate_without_its_map_is_an_error(block: Path) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tasks.files.json_text import JSON
+from tasks.results import quality_gates
 from tasks.results.summary import failed_summary, read_summary, summary_of, write_summary
 from tasks.settings.quality import AxisGate, Gate, Gates
 from tasks.store.notes import Notes
@@ -133,6 +135,21 @@ def test_a_gate_whose_figure_does_not_exist_has_not_been_passed(tmp_path: Path) 
     problems = content["problems"]
     assert isinstance(problems, list)
     assert problems[0].startswith("The gate rmse_check_m counts as failed")
+
+
+def test_a_gate_of_a_trust_map_that_nothing_limits_says_where() -> None:
+    gates = Gates(trust_map_height_m=Gate(max=0.1), trust_map_external_m=Gate(max=0.5))
+    of_map: JSON = {"share": 0.95, "unmapped": 0.02, "uncontrolled": 0.6}
+    figures: dict[str, JSON] = {"sigma0": 1.0, "trust_map": of_map, "trust_map_height_m": 0.05}
+    results, (sentence,) = quality_gates.tested_gates(gates, {**figures, "trust_map_external_m": None})
+    assert [result.passed for result in results] == [True, False]
+    assert sentence == (
+        "The gate trust_map_external_m counts as failed: its value is unlimited on more than 5.0 % of the "
+        "area (2.0 % of the area is not mapped; 60.0 % of the mapped cells have new image coordinates "
+        "without control, as two rays always do)."
+    )
+    (sentence,) = quality_gates.tested_gates(Gates(trust_map_height_m=Gate(max=0.1)), {"sigma0": 1.0})[1]
+    assert sentence.endswith("this run has no such figure to test.")
 
 
 def test_a_run_without_a_result_has_the_same_fields(tmp_path: Path) -> None:
