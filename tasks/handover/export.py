@@ -128,6 +128,13 @@ def write_block(block: Results, points: Callable[[], BlockPoints], wanted: Wante
         If the format cannot hold the block, or the misfit is too large. Nothing is written then.
     """
     form = wanted.form
+    if wanted.world == "rpc" and block.film:
+        raise InputError(
+            "Rational polynomials lead to pixels of the delivered image, and where an image of film lies in "
+            "its scan differs from scan to scan.",
+            "Choose a format with orientations, and let the program measure the fiducial marks.",
+            entity=f"camera {min(block.film)}",
+        )
     delivery = Delivery(block, hand_over(block, wanted.world, form.freed), wanted.angles)
     if form.lens:
         delivery = replace(delivery, lenses=lenses_of(block, delivery.handed, form.lens))

@@ -37,6 +37,7 @@ from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS, OBJECT_POINTS
 from tasks.tables.schemas.columns import TableSchema
 from tasks.tables.schemas.deliveries import CAMERAS, EXPOSURES, IMAGE_POINTS, IMAGES
+from tasks.tables.schemas.film import FILM_ORIENTATIONS
 from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
 from tasks.tables.schemas.residual_grid import RESIDUAL_GRID
 
@@ -111,6 +112,7 @@ class Results:
     ground : (n, 3) low, middle and high map height of the tie points below each image, metres.
     name, flown : of the project; None: the date is not stated.
     heads : which images heads of a rig took together; None: there is no rig.
+    film : names of the cameras that expose film.
     """
 
     images: OrientedImages
@@ -121,6 +123,7 @@ class Results:
     name: str
     flown: date | None = None
     heads: RigHeads | None = None
+    film: frozenset[str] = frozenset()
 
     @property
     def needed_date(self) -> date:
@@ -160,8 +163,16 @@ def read_results(folder: Path) -> Results:
     strips = tuple(str(strip) for strip in taken["strip"].fillna(""))
     heads = _heads(folder, [one.frame.name for one in cameras], names)
     ground = _ground(folder, names)
-    found = Results(images, cameras, orientations, strips, ground, stated.name, stated.flown, heads)
+    film = film_cameras(folder)
+    found = Results(images, cameras, orientations, strips, ground, stated.name, stated.flown, heads, film)
     return with_images_only(found)
+
+
+def film_cameras(folder: Path) -> frozenset[str]:
+    """Names of the cameras whose images have fiducial marks."""
+    if not (folder / f"{FILM_ORIENTATIONS.name}.parquet").exists():
+        return frozenset()
+    return frozenset(read_result_table(folder, FILM_ORIENTATIONS)["camera"].astype(str))
 
 
 def with_images_only(results: Results) -> Results:

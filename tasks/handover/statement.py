@@ -53,6 +53,7 @@ def statement(delivery: Delivery, form: DeliveryFormat, *, adjusted: bool = True
         *([] if adjusted else [_AS_DELIVERED]),
         *_about_world(delivery, form),
         *_about_lens(delivery, form),
+        *_about_film(delivery),
         *(_about_rigs(delivery, form) if form.oriented else ()),
         *_about_mean_residuals(delivery, form),
         *_about_grids(delivery, form),
@@ -141,6 +142,18 @@ def _about_lens(delivery: Delivery, form: DeliveryFormat) -> list[str]:
             "the program must use a camera without distortion whose principal point is 0, 0."
         )
     return found
+
+
+def _about_film(delivery: Delivery) -> list[str]:
+    """Of cameras whose images are scanned."""
+    return [
+        f"Camera {camera.frame.name} exposes film: image coordinates refer to its fiducial marks, and pixels "
+        "to a scan without shift, turn and deformation. The interior orientation of each scan "
+        "(film_orientations.parquet of the results) is NOT contained: the program must determine it from the "
+        "fiducial marks."
+        for camera in delivery.results.cameras
+        if camera.frame.name in delivery.results.film
+    ]
 
 
 def _about_rigs(delivery: Delivery, form: DeliveryFormat) -> list[str]:

@@ -7,7 +7,7 @@ intersected from them. Image points are as measured, cameras as given.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +67,8 @@ def convert_block(
     found = chosen_world(("map" if "map" in form.worlds else "local") if world is None else world, form)
     tables = _Tables(**{name: read_table(outputs[name]) for name in _Tables.__dataclass_fields__})
     block = _block(tables, project)
+    if "film_orientations" in outputs:
+        block = replace(block, film=frozenset(read_table(outputs["film_orientations"])["camera"].astype(str)))
     known = tables.approximate_points.dropna(subset=["x_m", "y_m", "z_m"])
 
     return write_block(

@@ -14,6 +14,8 @@ import pytest
 from adjust.arrays import Floats
 from adjust.simulate.block import simulate_block
 from flows.runs.project_run import RunRequest, carry_out
+from tasks.errors import InputError
+from tasks.handover.export import export_results
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.simulation import Simulation
 from tasks.simulation.simulate import film_of, simulate_project
@@ -133,6 +135,20 @@ def test_a_scan_is_not_resampled_as_if_it_were_the_image_of_the_camera(results: 
     assert done.returncode == 2
     assert "The camera RMK-153 exposes film" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("form", ["inpho", "colmap", "corrected-csv"])
+def test_a_delivery_of_film_says_that_scans_have_an_interior_orientation_of_their_own(
+    results: Path, tmp_path: Path, form: str
+) -> None:
+    text = " ".join(export_results(results, form, tmp_path).statement.split())
+    assert "Camera RMK-153 exposes film" in text
+    assert "The interior orientation of each scan (film_orientations.parquet of the results) is NOT" in text
+
+
+def test_rational_polynomials_of_film_are_refused(results: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="differs from scan to scan"):
+        export_results(results, "rpc", tmp_path)
 
 
 def test_uncorrected_scans_contradict_themselves(tmp_path: Path) -> None:

@@ -20,12 +20,11 @@ from tasks.files.delivered_file import require_folder
 from tasks.files.installation import writing_into
 from tasks.handover.formats.corrected_csv import ideal_cameras
 from tasks.handover.ideal_points import ideal_points, measured_points
-from tasks.handover.results import CalibratedCamera, read_cameras, read_result_table
+from tasks.handover.results import CalibratedCamera, film_cameras, read_cameras
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import ImageDescription, described, opened_image
 from tasks.image_files.image_writer import left_out_of
 from tasks.nearest_name import did_you_mean
-from tasks.tables.schemas.film import FILM_ORIENTATIONS
 
 # A measured point whose own ideal point is further than this from the one that was requested belongs to
 # another place: far outside, a distortion folds back. At a seam it is as far as the jump there.
@@ -179,7 +178,7 @@ def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | Non
             f"The results have no camera '{camera}'.", did_you_mean(camera, list(cameras)), entity="--camera"
         )
     require_folder(folder)
-    jobs, film = dict[str, _Job](), _film_cameras(results)
+    jobs, film = dict[str, _Job](), film_cameras(results)
     for path in images:
         about = described(path)
         taken_by = cameras[_camera_of(path, of_image) if camera is None else camera]
@@ -200,13 +199,6 @@ def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | Non
             raise Location(path).error("The image would overwrite itself.", "Give another --out.")
         jobs[file] = _Job(path, taken_by, file)
     return list(jobs.values())
-
-
-def _film_cameras(results: Path) -> frozenset[str]:
-    """Names of the cameras whose images have fiducial marks."""
-    if not (results / f"{FILM_ORIENTATIONS.name}.parquet").exists():
-        return frozenset()
-    return frozenset(read_result_table(results, FILM_ORIENTATIONS)["camera"].astype(str))
 
 
 def _camera_of(path: Path, of_image: Mapping[str, str]) -> str:
