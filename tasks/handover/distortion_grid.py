@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats
+from tasks.errors import InputError
 from tasks.handover.ideal_points import ideal_points, measured_points
 from tasks.handover.results import CalibratedCamera
 
@@ -84,7 +85,13 @@ class CameraGrids:
 
 
 def distortion_grids(camera: CalibratedCamera) -> CameraGrids:
-    """Grids of additional parameters and mean residuals, as fine as their misfit needs."""
+    """Grids of additional parameters and mean residuals, as fine as their misfit needs.
+
+    Raises
+    ------
+    InputError
+        If a node has no measured point, as where a distortion folds back.
+    """
     measured = _spread(camera, (_CHECKED, _CHECKED)).reshape(-1, 2)
     ideal = ideal_points(camera, measured)
     inside = (np.abs(ideal) <= camera.frame.half_format).all(axis=1)
@@ -95,6 +102,13 @@ def distortion_grids(camera: CalibratedCamera) -> CameraGrids:
         back = DistortionGrid(x, y, measured_points(camera, flat).reshape(nodes.shape))
         forth = _with_misfit(forth, measured, ideal)
         back = _with_misfit(back, ideal[inside], measured[inside])
+        if not np.isfinite(back.moved).all():
+            raise InputError(
+                "Its distortion is so large that not every ideal point of its format has a measured one, so "
+                "there is no distortion grid.",
+                "Use corrected image points (--to corrected-csv) or aerocal undistort.",
+                entity=f"camera {camera.frame.name}",
+            )
         if max(forth.misfit, back.misfit) < _ENOUGH:
             break
     return CameraGrids(camera.frame.name, forth, back)

@@ -15,6 +15,7 @@ from adjust.handover.cartesian_map import EARTH_RADIUS_M, CartesianMap, Pose, pr
 from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.image_correction import CorrectionField
 from tasks.coordinates.local_frame import local_from_grid, local_from_map
+from tasks.errors import InputError
 from tasks.handover.block_points import no_points
 from tasks.handover.delivery import Delivery
 from tasks.handover.distortion_grid import distortion_grids
@@ -24,6 +25,7 @@ from tasks.handover.lens import lens_models
 from tasks.handover.receiver import hand_over
 from tasks.handover.statement import statement
 from tests.tasks.handover.flown_block import Flight, delivered, flown, points_of
+from tests.tasks.handover.undistorted.crosses import distorting_camera
 
 DIRECTIONS = ("ideal_from_measured", "measured_from_ideal")
 
@@ -173,6 +175,14 @@ def test_a_grid_states_the_jumps_at_seams():
     assert f"reproduces the correction to {1e6 * misfit:.3f}" in text
     assert "step or a bend" in text
     assert "Cartesian" not in text
+
+
+@pytest.mark.filterwarnings("ignore:overflow|invalid value:RuntimeWarning")
+def test_a_distortion_that_folds_back_has_no_grid():
+    camera = distorting_camera()
+    folding = np.where([name == "brown:K1" for name in camera.additional.names], -2e4, 0.0)
+    with pytest.raises(InputError, match="not every ideal point of its format has a measured one"):
+        distortion_grids(replace(camera, values=folding, grid=None))
 
 
 def test_a_camera_without_corrections_has_a_grid_of_zeros_and_no_gridgroup():
