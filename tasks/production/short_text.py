@@ -25,8 +25,8 @@ REMEDIES: Mapping[str, str] = {
     "be used. Running again gives the same result.",
     "Failed": "The cause is the machine or aerocal, not the delivery: see message and log of the run. "
     "Run again when this is corrected; completed stages are reused.",
-    "Crashed": "Nothing if it is restarted, see the message. Otherwise Retry in the dashboard, with more memory "
-    "if that was full; completed stages are reused.",
+    "Crashed": "Nothing if it is restarted, see the message. Otherwise Retry in the dashboard, with more "
+    "memory if that was full; completed stages are reused.",
     "TimedOut": "Retry in the dashboard: completed stages are reused.",
 }
 _MOST_PROBLEMS = 5

@@ -93,7 +93,7 @@ class _RollingRows:
             is_number = np.isfinite(pixels)
             if about.validity in ("mask", "alpha"):
                 # A mask is one for all bands.
-                is_number = is_number.all(axis=0, keepdims=True)
+                is_number = np.asarray(is_number.all(axis=0, keepdims=True))
             valid = is_number if valid is None else is_number & valid
         return SourceRows(pixels, valid, first, about.rows)
 
