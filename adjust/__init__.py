@@ -20,10 +20,12 @@ if TYPE_CHECKING:
         MissingExtraError,
         UnknownNameError,
     )
+    from adjust.geometry.earth import CartesianFrame, TopocentricFrame
     from adjust.joint_covariance import JointCovariance
     from adjust.observations.base import ObservationGroup, StochasticModel
     from adjust.observations.control_point import ControlPoints
     from adjust.observations.direct import DirectObservations
+    from adjust.observations.distance import Distances
     from adjust.observations.gnss_position import GnssPositions
     from adjust.observations.image_point import ImagePoints
     from adjust.observations.ins_attitude import InsAttitudes
@@ -38,9 +40,11 @@ __all__ = [
     "AdjustmentOptions",
     "AdjustmentResult",
     "Block",
+    "CartesianFrame",
     "ControlPoints",
     "DatumDefectError",
     "DirectObservations",
+    "Distances",
     "DivergenceError",
     "FrameCamera",
     "GnssPositions",
@@ -54,6 +58,7 @@ __all__ = [
     "State",
     "StochasticModel",
     "SystemParameters",
+    "TopocentricFrame",
     "UnknownNameError",
     "adjust_block",
 ]
@@ -63,9 +68,11 @@ _MODULES = {
     "AdjustmentOptions": "adjust.options",
     "AdjustmentResult": "adjust.result",
     "Block": "adjust.block",
+    "CartesianFrame": "adjust.geometry.earth",
     "ControlPoints": "adjust.observations.control_point",
     "DatumDefectError": "adjust.errors",
     "DirectObservations": "adjust.observations.direct",
+    "Distances": "adjust.observations.distance",
     "DivergenceError": "adjust.errors",
     "FAMILIES": "adjust.parameters",
     "FrameCamera": "adjust.camera.interior",
@@ -80,6 +87,7 @@ _MODULES = {
     "State": "adjust.parameters",
     "StochasticModel": "adjust.observations.base",
     "SystemParameters": "adjust.parameters",
+    "TopocentricFrame": "adjust.geometry.earth",
     "UnknownNameError": "adjust.errors",
     "adjust_block": "adjust.adjustment",
 }

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Floats, Ints, as_indices, require_shape
 from adjust.camera.interior import FrameCamera
 from adjust.errors import InconsistentBlockError
 from adjust.geometry.earth import LocalFrame
+from adjust.geometry.rotation import are_rotations
 from adjust.parameters import (
     FAMILIES,
     INTERIOR_ORIENTATION,
@@ -57,17 +58,21 @@ class Block:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "system", (*self.system, *self._held()))
+        self._refuse_wrong_names()
         n, e, m = len(self.images), len(self.events), len(self.points)
-        shapes = {
-            "camera_of_image": (self.camera_of_image.shape, (n,)),
-            "flight_of_image": (self.flight_of_image.shape, (n,)),
-            "projection_centre": (self.projection_centre.shape, (e, 3)),
-            "local_from_camera": (self.local_from_camera.shape, (e, 3, 3)),
-            "object_point": (self.object_point.shape, (m, 3)),
-        }
-        for name, (found, expected) in shapes.items():
-            if found != expected:
-                raise InconsistentBlockError(f"{name} has the shape {found}; expected: {expected}.")
+        for kind, name in (("cameras", "camera_of_image"), ("flights", "flight_of_image")):
+            index, count = as_indices(name, getattr(self, name), n), len(getattr(self, kind))
+            if n and not (index.min() >= 0 and index.max() < count):
+                raise InconsistentBlockError(f"{name} has an index outside 0 … {count - 1}.")
+            object.__setattr__(self, name, index)
+        for name, shape in (
+            ("projection_centre", (e, 3)),
+            ("local_from_camera", (e, 3, 3)),
+            ("object_point", (m, 3)),
+        ):
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            require_shape(name, values.shape, shape)
+            object.__setattr__(self, name, values)
         for name, values in (
             ("projection centres", self.projection_centre),
             ("rotations", self.local_from_camera),
@@ -75,12 +80,32 @@ class Block:
         ):
             if not np.isfinite(values).all():
                 raise InconsistentBlockError(f"The approximate values of the {name} are not all finite.")
+        self._refuse_other_matrices()
         free = {parameters.family.name: parameters.free for parameters in self.system}
         for place in () if self.considered is None else self.considered.places:
             if free[place.family][place.entity, place.component]:
                 raise InconsistentBlockError(f"A parameter of {place.family} is both free and considered.")
         if self.rig is not None:
             self._refuse_wrong_rig(self.rig)
+
+    def _refuse_wrong_names(self) -> None:
+        """Names tell images, cameras and flights apart; those of object points when they are asked for."""
+        for kind in ("images", "flights"):
+            object.__setattr__(self, kind, tuple(getattr(self, kind)))
+        cameras = tuple(camera.name for camera in self.cameras)
+        for what, names in (("images", self.images), ("flights", self.flights), ("cameras", cameras)):
+            if len(set(names)) < len(names):
+                twice = next(name for name in names if names.count(name) > 1)
+                raise InconsistentBlockError(f"Two of the {what} have the name {twice!r}.")
+
+    def _refuse_other_matrices(self) -> None:
+        """Steps of the adjustment turn rotations, and would leave any other matrix what it is."""
+        wrong = np.flatnonzero(~are_rotations(self.local_from_camera))
+        if len(wrong):
+            raise InconsistentBlockError(
+                f"local_from_camera of {self.events[wrong[0]]} is not a rotation: its columns are the unit "
+                "vectors of the camera axes x, y, z in the local frame, a right-handed system."
+            )
 
     def _refuse_wrong_rig(self, rig: Rig) -> None:
         """Heads and events belong together, and the datum of the heads is fixed."""

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# Of what is not determined; of more, the first ones and their number.
+_MOST_SENTENCES = 10
+
 
 class AdjustmentError(Exception):
     """Base class of all errors of this package."""
@@ -42,10 +45,14 @@ class DatumDefectError(AdjustmentError):
     of_block: bool = False
 
     def __str__(self) -> str:
+        # Of an orientation that is open altogether there are six.
+        sentences = list(dict.fromkeys(self.explanation))
+        more = len(sentences) - _MOST_SENTENCES
         return " ".join(
             (
                 f"The normal equations have a rank defect of {self.defect}.",
-                *self.explanation,
+                *sentences[:_MOST_SENTENCES],
+                *([f"({more:,} more like these.)"] if more > 0 else []),
                 "Add observations that determine them, or hold the named parameters fixed.",
                 *(("In a free network, the approximate values fix movements of the whole block.",))
                 * self.of_block,

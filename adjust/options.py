@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass, field
 from typing import Literal
 
+from adjust.errors import InconsistentBlockError
 from adjust.parameters import InnerConstraints
 from adjust.quality.observation_parts import Division
 
@@ -48,6 +49,10 @@ class AdjustmentOptions:
     free_network : unknowns whose approximate values fix the part of the datum that the observations do not
         determine (inner constraints); None: an undetermined datum is an error.
     threads : number of threads; never changes a result.
+
+    Raises
+    ------
+    InconsistentBlockError : a number is impossible.
     """
 
     critical_value: float | None = None
@@ -65,3 +70,15 @@ class AdjustmentOptions:
     correlation_times: bool = False
     free_network: InnerConstraints | None = None
     threads: int = field(default_factory=available_threads)
+
+    def __post_init__(self) -> None:
+        for name, possible in (
+            ("critical_value", self.critical_value is None or self.critical_value > 0.0),
+            ("most_iterations", self.most_iterations >= 1),
+            ("most_passes", self.most_passes >= 1),
+            ("confidence", 0.0 < self.confidence < 1.0),
+            ("control_folds", self.control_folds is None or self.control_folds >= 2),
+            ("threads", self.threads >= 1),
+        ):
+            if not possible:
+                raise InconsistentBlockError(f"The option {name} = {getattr(self, name)} is impossible.")

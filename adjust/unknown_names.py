@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adjust.arrays import Ints, as_indices
 from adjust.errors import UnknownNameError
 
 _Value = TypeVar("_Value")
@@ -68,6 +72,24 @@ def places_of(what: str, wanted: Collection[str], known: Mapping[str, int]) -> l
             raise UnknownNameError(f"The {what} {name!r} is named twice.", tuple(known))
         found[known[name]] = None
     return list(found)
+
+
+def indices_of(what: str, wanted: ArrayLike, names: Sequence[str]) -> Ints:
+    """Indices (k,) of names, which may come again, in their order; integers are indices already.
+
+    Raises
+    ------
+    UnknownNameError : for the first name that does not exist.
+    """
+    asked = np.asarray(wanted)
+    if asked.dtype.kind not in "UO":
+        return as_indices(f"The indices of the {what}s", asked, asked.size)
+    different, place = np.unique(asked, return_inverse=True)
+    known = {name: number for number, name in enumerate(names)}
+    unknown = next((name for name in different.tolist() if name not in known), None)
+    if unknown is not None:
+        raise unknown_name(what, unknown, names)
+    return np.array([known[name] for name in different.tolist()], dtype=np.int64)[place]
 
 
 def _or(names: tuple[str, ...]) -> str:

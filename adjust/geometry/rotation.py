@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from adjust.arrays import Floats
+from adjust.arrays import Bools, Floats
 
 # Below this angle (rad) the closed forms lose digits and the series (error θ⁴/120) are used.
 _SMALL_ANGLE = 1e-4
+# By which RᵀR of a rotation may differ from the unit matrix.
+_ORTHOGONAL = 1e-9
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
@@ -41,6 +43,12 @@ def _elementary(angle: Floats | float, first: int, second: int) -> Floats:
     matrix[..., second, first] = np.sin(angle)
     matrix[..., first, second] = -np.sin(angle)
     return matrix
+
+
+def are_rotations(matrix: Floats) -> Bools:
+    """Whether each of n matrices (n, 3, 3) is orthogonal and right-handed."""
+    away = np.abs(np.swapaxes(matrix, 1, 2) @ matrix - np.eye(3)).reshape(-1, 9)
+    return np.asarray((away < _ORTHOGONAL).all(axis=1) & (np.linalg.det(matrix) > 0.0))
 
 
 def cross_matrix(vector: Floats) -> Floats:

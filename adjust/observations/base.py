@@ -8,7 +8,7 @@ from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, as_indices, require_shape
 from adjust.errors import InconsistentBlockError
 from adjust.observations.gauss_markov import GaussMarkov, Neighbours, Stencil
 from adjust.parameters import State, Unit
@@ -94,6 +94,11 @@ class StochasticModel:
         ------
         InconsistentBlockError : if a standard deviation is not positive.
         """
+        sigma = np.asarray(sigma, dtype=np.float64)
+        if sigma.ndim != 2:
+            raise InconsistentBlockError(
+                f"The standard deviations have the shape {sigma.shape}; expected: observations, components."
+            )
         present = np.isfinite(sigma)
         if np.any(sigma[present] <= 0.0):
             raise InconsistentBlockError("A standard deviation is zero or negative.")
@@ -273,3 +278,45 @@ class CorrelatedOverTime(Protocol):
     def with_correlation_time(self, seconds: float) -> Self:
         """The same group with errors that last so long."""
         ...
+
+
+def require_rows(group: ObservationGroup, indices: tuple[str, ...], **shapes: tuple[int, ...]) -> None:
+    """Refuse a group whose arrays do not have a row for each of its n observations.
+
+    Parameters
+    ----------
+    indices : names of its index arrays (n,).
+    shapes : of its other arrays, by name, without their first axis.
+
+    Raises
+    ------
+    InconsistentBlockError : with the array and both shapes.
+    """
+    n, m = len(group.stochastic.present), len(group.components)
+    require_shape(f"{group.name}: the weights", group.stochastic.present.shape, (n, m))
+    for name in indices:
+        object.__setattr__(group, name, as_indices(f"{group.name}: {name}", getattr(group, name), n))
+    for name, rest in shapes.items():
+        values = np.asarray(getattr(group, name), dtype=np.float64)
+        require_shape(f"{group.name}: {name}", values.shape, (n, *rest))
+        object.__setattr__(group, name, values)
+
+
+def require_values(group: ObservationGroup, known: Bools, what: str = "finite value") -> None:
+    """Refuse an observation that takes part without a value.
+
+    Parameters
+    ----------
+    known : (n, m) or (n, 1) whether there is one.
+    what : such a value.
+
+    Raises
+    ------
+    InconsistentBlockError : with the first one.
+    """
+    missing = (group.stochastic.present & ~known).any(axis=1)
+    if missing.any():
+        raise InconsistentBlockError(
+            f"Observation {int(np.argmax(missing))} of {group.name} has a weight, but no {what}. A "
+            "component that was not observed has the standard deviation NaN."
+        )

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, as_sigmas, require_shape
 from adjust.geometry.earth import LocalFrame
-from adjust.observations.base import Linearization, StochasticModel, Term
+from adjust.observations.base import Linearization, StochasticModel, Term, require_rows, require_values
 from adjust.parameters import OBJECT_POINT, State, Unit
+from adjust.unknown_names import indices_of
+
+if TYPE_CHECKING:
+    from adjust.block import Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +49,35 @@ class ControlPoints:
     name: ClassVar[str] = "control_points"
     components: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     unit: ClassVar[Unit] = "m"
+
+    def __post_init__(self) -> None:
+        require_rows(self, ("point",), given=(3,), given_height=())
+        in_plan, in_height = np.isfinite(self.given).all(axis=1), np.isfinite(self.given_height)
+        require_values(self, np.stack([in_plan, in_plan, in_height], axis=1))
+
+    @classmethod
+    def surveyed(cls, block: Block, point: ArrayLike, given: ArrayLike, sigma: ArrayLike) -> Self:
+        """Points surveyed in full, in plan only, or in height only.
+
+        Parameters
+        ----------
+        point : (n,) names, or indices, of object points of the block.
+        given : (n, 3) metres, local frame. Of a point known in plan only any place on its vertical; of one
+            known in height only any place of that height.
+        sigma : east, north, up, metres, NaN of what was not surveyed; a number, or an array that broadcasts
+            to (n, 3).
+
+        Raises
+        ------
+        InconsistentBlockError : of other shapes or values.
+        UnknownNameError : the block has no such object point.
+        """
+        index, x = indices_of("object point", point, block.points), np.asarray(given, dtype=np.float64)
+        require_shape("The array of surveyed positions", x.shape, (len(index), 3))
+        weights = StochasticModel.from_sigma(as_sigmas(sigma, x.shape))
+        plan, up = weights.present[:, :2].any(axis=1, keepdims=True), weights.present[:, 2]
+        height = np.where(up, block.frame.height(x), np.nan)
+        return cls(index, np.where(plan, x, np.nan), height, block.frame, weights)
 
     @property
     def event(self) -> Ints:

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
-from adjust.observations.base import Linearization, StochasticModel, Term
+from adjust.observations.base import Linearization, StochasticModel, Term, require_rows, require_values
 from adjust.parameters import Family, State, Unit
 
 
@@ -30,6 +30,10 @@ class DirectObservations:
     entity: Ints
     given: Floats
     stochastic: StochasticModel
+
+    def __post_init__(self) -> None:
+        require_rows(self, ("entity",), given=(len(self.components),))
+        require_values(self, np.isfinite(self.given))
 
     @property
     def name(self) -> str:

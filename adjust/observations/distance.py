@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
-from adjust.observations.base import Linearization, StochasticModel, Term
+from adjust.observations.base import Linearization, StochasticModel, Term, require_rows, require_values
 from adjust.parameters import OBJECT_POINT, State, Unit
 
 
@@ -33,6 +33,10 @@ class Distances:
     name: ClassVar[str] = "distances"
     components: ClassVar[tuple[str, ...]] = ("distance",)
     unit: ClassVar[Unit] = "m"
+
+    def __post_init__(self) -> None:
+        require_rows(self, ("point", "other_point"), given=())
+        require_values(self, np.isfinite(self.given)[:, None])
 
     @property
     def event(self) -> Ints:

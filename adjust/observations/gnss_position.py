@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, as_sigmas, require_shape
 from adjust.geometry import rotation
-from adjust.observations.base import Linearization, StochasticModel, Term
+from adjust.observations.base import Linearization, StochasticModel, Term, require_rows, require_values
 from adjust.parameters import (
     BORESIGHT,
     EXTERIOR_ORIENTATION,
@@ -21,6 +22,10 @@ from adjust.parameters import (
     State,
     Unit,
 )
+from adjust.unknown_names import indices_of
+
+if TYPE_CHECKING:
+    from adjust.block import Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +85,39 @@ class GnssPositions:
     name: ClassVar[str] = "gnss_positions"
     components: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     unit: ClassVar[Unit] = "m"
+
+    def __post_init__(self) -> None:
+        indices = ("event", "camera", "flight")
+        require_rows(self, indices, observed=(3,), local_from_enu=(3, 3), body_from_camera=(3, 3))
+        require_values(self, np.isfinite(self.observed.sum(axis=1, keepdims=True)))
+
+    @classmethod
+    def measured(cls, block: Block, image: ArrayLike, observed: ArrayLike, sigma: ArrayLike) -> Self:
+        """Positions of a block, without times.
+
+        Parameters
+        ----------
+        image : (n,) names, or indices, of its images; of a rig of its events.
+        observed : (n, 3) metres, local frame.
+        sigma : east, north, up, metres; a number, or an array that broadcasts to (n, 3).
+
+        Raises
+        ------
+        InconsistentBlockError : of other shapes or values.
+        UnknownNameError : the block has no such image.
+        """
+        index = indices_of("image" if block.rig is None else "event", image, block.events)
+        antenna = np.asarray(observed, dtype=np.float64)
+        require_shape("The array of positions", antenna.shape, (len(index), 3))
+        return cls(
+            index,
+            block.camera_of_event[index],
+            block.flight_of_event[index],
+            antenna,
+            block.frame.local_from_enu(antenna),
+            block.body_from_camera[index],
+            StochasticModel.from_sigma(as_sigmas(sigma, antenna.shape)),
+        )
 
     @property
     def point(self) -> Ints:

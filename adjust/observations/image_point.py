@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, as_indices, as_sigmas, require_shape
 from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.errors import InconsistentBlockError
 from adjust.observations import image_point_kernel
@@ -22,6 +23,10 @@ from adjust.parameters import (
     Unit,
 )
 from adjust.rig import OF_HEADS
+from adjust.unknown_names import indices_of
+
+if TYPE_CHECKING:
+    from adjust.block import Block
 
 _MOST_BYTES_OF_BASIS = 2**28
 
@@ -110,15 +115,52 @@ class ImagePoints:
     unit: ClassVar[Unit] = "m"
 
     def __post_init__(self) -> None:
-        # Kernels are compiled anew for every layout of their arrays in memory.
-        for name in ("image", "point", "camera_of_image"):
-            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name)))
+        n = len(self.xy)
+        for name, count in (("image", n), ("point", n), ("camera_of_image", len(self.camera_of_image))):
+            object.__setattr__(self, name, as_indices(f"{self.name}: {name}", getattr(self, name), count))
+        for name, kind, shape in (("xy", float, (n, 2)), ("sigma", float, (n, 2)), ("active", bool, (n,))):
+            values = np.asarray(getattr(self, name), dtype=kind)
+            require_shape(f"{self.name}: {name}", values.shape, shape)
+            object.__setattr__(self, name, values)
         if np.any(np.diff(self.point) < 0):
             raise InconsistentBlockError("Image points must be sorted by object point.")
         if not (np.all(self.sigma > 0.0) and np.isfinite(self.sigma).all() and np.isfinite(self.xy).all()):
             raise InconsistentBlockError(
                 "Image coordinates and their sigmas must be finite, sigmas positive."
             )
+
+    @classmethod
+    def measured(
+        cls, block: Block, image: ArrayLike, point: ArrayLike, xy: ArrayLike, sigma: ArrayLike
+    ) -> Self:
+        """Image points of a block, in any order.
+
+        Parameters
+        ----------
+        image, point : (n,) names, or indices, of the images and object points of the block.
+        xy : (n, 2) metres, image system.
+        sigma : metres; a number, or an array that broadcasts to (n, 2).
+
+        Raises
+        ------
+        InconsistentBlockError : of other shapes or values.
+        UnknownNameError : the block has no such image or object point.
+        """
+        measured = np.asarray(xy, dtype=np.float64)
+        of_image = indices_of("image", image, block.images)
+        of_point = indices_of("object point", point, block.points)
+        require_shape("The array of images", of_image.shape, of_point.shape)
+        require_shape("The array of image coordinates", measured.shape, (len(of_point), 2))
+        order = np.argsort(of_point, kind="stable")
+        return cls(
+            of_image[order],
+            of_point[order],
+            block.camera_of_image,
+            measured[order],
+            as_sigmas(sigma, measured.shape)[order],
+            np.ones(len(order), dtype=bool),
+            event_of_image=None if block.rig is None else block.rig.event_of_image,
+        )
 
     @cached_property
     def event(self) -> Ints:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, as_sigmas, require_shape
 from adjust.geometry import rotation
-from adjust.observations.base import Linearization, StochasticModel, Term
+from adjust.observations.base import Linearization, StochasticModel, Term, require_rows, require_values
 from adjust.observations.gnss_position import StripMotion
 from adjust.parameters import (
     BORESIGHT,
@@ -21,6 +22,10 @@ from adjust.parameters import (
     State,
     Unit,
 )
+from adjust.unknown_names import indices_of
+
+if TYPE_CHECKING:
+    from adjust.block import Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +78,31 @@ class InsAttitudes:
     name: ClassVar[str] = "ins_attitudes"
     components: ClassVar[tuple[str, ...]] = ("roll", "pitch", "yaw")
     unit: ClassVar[Unit] = "rad"
+
+    def __post_init__(self) -> None:
+        require_rows(self, ("event", "camera"), observed=(3, 3), body_from_camera=(3, 3))
+        require_values(self, rotation.are_rotations(self.observed)[:, None], "rotation matrix")
+
+    @classmethod
+    def measured(cls, block: Block, image: ArrayLike, observed: ArrayLike, sigma: ArrayLike) -> Self:
+        """Attitudes of a block, without times and rates.
+
+        Parameters
+        ----------
+        image : (n,) names, or indices, of its images; of a rig of its events.
+        observed : (n, 3, 3) local from body (forward, right, down).
+        sigma : roll, pitch, yaw, radians; a number, or an array that broadcasts to (n, 3).
+
+        Raises
+        ------
+        InconsistentBlockError : of other shapes or values.
+        UnknownNameError : the block has no such image.
+        """
+        index = indices_of("image" if block.rig is None else "event", image, block.events)
+        attitude = np.asarray(observed, dtype=np.float64)
+        require_shape("The array of attitudes", attitude.shape, (len(index), 3, 3))
+        weights = StochasticModel.from_sigma(as_sigmas(sigma, (len(index), 3)))
+        return cls(index, block.camera_of_event[index], attitude, block.body_from_camera[index], weights)
 
     @property
     def point(self) -> Ints:

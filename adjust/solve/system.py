@@ -14,6 +14,7 @@ from adjust.observations.base import ObservationGroup
 from adjust.observations.distance import Distances
 from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, InnerConstraints, ParameterLayout, State
+from adjust.solve.consistency import refuse_others_than
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
 from adjust.solve.fronts import HelmertBlocking
 from adjust.solve.joined_points import joined_points
@@ -27,6 +28,11 @@ class Observations:
 
     image_points: ImagePoints
     others: tuple[ObservationGroup, ...]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.others, (tuple, list)):
+            raise InconsistentBlockError("The other observations must be a tuple of groups.")
+        object.__setattr__(self, "others", tuple(self.others))
 
     @property
     def groups(self) -> tuple[ObservationGroup, ...]:
@@ -77,9 +83,10 @@ class System:
 
         Raises
         ------
-        InconsistentBlockError : if an observation belongs to an image or object point that is not there.
+        InconsistentBlockError : if an observation belongs to something that is not there, or image points are
+            given in another unit or for other cameras.
         """
-        _refuse_unknown_indices(block, observations)
+        refuse_others_than(block, observations)
         observations = with_known_basis(block, observations)
         events, points = len(block.events), len(block.points)
         active = determined_points(block, observations)
@@ -187,38 +194,6 @@ def with_known_basis(block: Block, observations: Observations) -> Observations:
         return observations
     rays = observations.image_points.with_known_basis(block.approximate_state())
     return replace(observations, image_points=rays)
-
-
-def _refuse_unknown_indices(block: Block, observations: Observations) -> None:
-    """The kernels do not look whether an index is in range; they would read foreign memory."""
-    images, events, points = len(block.images), len(block.events), len(block.points)
-    rays = observations.image_points
-    _refuse_outside(rays.name, "image", rays.image, images)
-    camera = rays.camera_of_image
-    if camera.shape != (images,) or (
-        images and not (camera.min() >= 0 and camera.max() < len(block.cameras))
-    ):
-        raise InconsistentBlockError(
-            "The image points do not contain the camera of every image of the block."
-        )
-    known = rays.event_of_image
-    if (known is None) != (block.rig is None) or not np.array_equal(
-        block.event_of_image, block.event_of_image if known is None else known
-    ):
-        raise InconsistentBlockError("The image points do not contain the event of every image of the block.")
-    for group in observations.groups:
-        # Only image points must have an object point; −1 elsewhere says that there is none.
-        _refuse_outside(group.name, "object point", group.point, points, 0 if group is rays else -1)
-        kind = "image" if block.rig is None else "event"
-        _refuse_outside(group.name, kind, group.event, events, -1)
-        _refuse_outside(group.name, "object point", np.concatenate(joined_points((group,))), points)
-
-
-def _refuse_outside(group: str, kind: str, index: Ints, count: int, least: int = 0) -> None:
-    if index.size and not (index.min() >= least and index.max() < count):
-        raise InconsistentBlockError(
-            f"An observation of {group} has an index of its {kind} outside 0 … {count - 1}."
-        )
 
 
 def determined_points(block: Block, observations: Observations) -> Bools:

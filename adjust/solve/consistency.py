@@ -1,0 +1,82 @@
+"""Whether observations are of the block they are to be adjusted with.
+
+The kernels do not look whether an index is in range; they would read foreign memory.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adjust.arrays import Ints
+from adjust.block import Block
+from adjust.errors import InconsistentBlockError
+from adjust.observations.direct import DirectObservations
+from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.image_point import ImagePoints
+from adjust.observations.ins_attitude import InsAttitudes
+from adjust.solve.joined_points import joined_points
+
+if TYPE_CHECKING:
+    from adjust.solve.system import Observations
+
+# Image coordinates beyond so many half formats are in pixels or millimetres.
+_MOST_HALF_FORMATS = 10.0
+
+
+def refuse_others_than(block: Block, observations: Observations) -> None:
+    """Refuse observations of images, cameras, flights or object points that the block does not have.
+
+    Raises
+    ------
+    InconsistentBlockError : with the group, and what it lacks.
+    """
+    if not block.images:
+        raise InconsistentBlockError("The block has no images.")
+    _refuse_other_rays(block, observations.image_points)
+    kind = "image" if block.rig is None else "event"
+    entities = {parameters.family.name: len(parameters.entities) for parameters in block.system}
+    for group in observations.groups:
+        name = group.name
+        # Only image points must have an object point; −1 elsewhere says that there is none.
+        least = 0 if group is observations.image_points else -1
+        _refuse_outside(name, "object point", group.point, len(block.points), least)
+        _refuse_outside(name, kind, group.event, len(block.events), -1)
+        _refuse_outside(name, "object point", np.concatenate(joined_points((group,))), len(block.points))
+        if isinstance(group, (GnssPositions, InsAttitudes)):
+            _refuse_outside(name, "camera", group.camera, len(block.cameras))
+        if isinstance(group, GnssPositions):
+            _refuse_outside(name, "flight", group.flight, len(block.flights))
+        if isinstance(group, DirectObservations):
+            family = group.family
+            if family.name not in entities:
+                raise InconsistentBlockError(f"{name}: the block has no {family.name}.")
+            _refuse_outside(name, family.entity_kind, group.entity, entities[family.name])
+
+
+def _refuse_other_rays(block: Block, rays: ImagePoints) -> None:
+    _refuse_outside(rays.name, "image", rays.image, len(block.images))
+    if not np.array_equal(rays.camera_of_image, block.camera_of_image):
+        raise InconsistentBlockError(
+            "The image points do not have the same camera of every image as the block."
+        )
+    known = rays.event_of_image
+    if (known is None) != (block.rig is None) or (
+        known is not None and not np.array_equal(block.event_of_image, known)
+    ):
+        raise InconsistentBlockError("The image points do not contain the event of every image of the block.")
+    half = max((max(camera.half_format) for camera in block.cameras), default=np.inf)
+    farthest = np.abs(rays.xy).max(initial=0.0)
+    if farthest > _MOST_HALF_FORMATS * half:
+        raise InconsistentBlockError(
+            f"An image coordinate is {farthest:.6g}, and half the side of the largest image {half:.6g} m: "
+            "image coordinates are in metres from the centre of the format (FrameCamera.image_from_pixel)."
+        )
+
+
+def _refuse_outside(group: str, kind: str, index: Ints, count: int, least: int = 0) -> None:
+    if index.size and not (index.min() >= least and index.max() < count):
+        raise InconsistentBlockError(
+            f"An observation of {group} has an index of its {kind} outside 0 … {count - 1}."
+        )
