@@ -90,7 +90,7 @@ class Block:
 
     def _refuse_wrong_names(self) -> None:
         """Names tell images, cameras and flights apart; those of object points when they are asked for."""
-        for kind in ("images", "flights"):
+        for kind in ("images", "flights", "points"):
             object.__setattr__(self, kind, tuple(getattr(self, kind)))
         cameras = tuple(camera.name for camera in self.cameras)
         for what, names in (("images", self.images), ("flights", self.flights), ("cameras", cameras)):

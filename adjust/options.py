@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeAlias, get_args
 
 from adjust.errors import InconsistentBlockError
 from adjust.parameters import InnerConstraints
 from adjust.quality.observation_parts import Division
+from adjust.unknown_names import unknown_name
+
+_Test: TypeAlias = Literal["components", "observations"]
+_ReferenceVariance: TypeAlias = Literal["a_priori", "a_posteriori"]
+_WeightFunction: TypeAlias = Literal["huber", "cauchy", "tukey", "biber", "danish"]
 
 #: The environment variable that limits the threads of an adjustment; not set: one for each processor.
 THREADS_VARIABLE = "AEROCAL_THREADS"
@@ -53,12 +58,13 @@ class AdjustmentOptions:
     Raises
     ------
     InconsistentBlockError : a number is impossible.
+    UnknownNameError : a choice does not exist.
     """
 
     critical_value: float | None = None
-    test: Literal["components", "observations"] = "components"
-    reference_variance: Literal["a_priori", "a_posteriori"] = "a_priori"
-    robust: Literal["huber", "cauchy", "tukey", "biber", "danish"] | None = None
+    test: _Test = "components"
+    reference_variance: _ReferenceVariance = "a_priori"
+    robust: _WeightFunction | None = None
     most_iterations: int = 20
     most_passes: int = 50
     confidence: float = 0.95
@@ -72,6 +78,15 @@ class AdjustmentOptions:
     threads: int = field(default_factory=available_threads)
 
     def __post_init__(self) -> None:
+        for name, choices in (
+            ("test", _Test),
+            ("reference_variance", _ReferenceVariance),
+            ("robust", _WeightFunction),
+            ("free_network", InnerConstraints),
+        ):
+            chosen = getattr(self, name)
+            if chosen is not None and chosen not in get_args(choices):
+                raise unknown_name(f"choice of {name}", chosen, get_args(choices))
         for name, possible in (
             ("critical_value", self.critical_value is None or self.critical_value > 0.0),
             ("most_iterations", self.most_iterations >= 1),

@@ -196,6 +196,11 @@ def test_a_name_that_does_not_exist_is_refused_with_those_that_do() -> None:
         ImagePoints.measured(BLOCK, [BLOCK.images[0]], ["nowhere"], [[0.0, 0.0]], 1e-6)
 
 
+def test_a_choice_that_does_not_exist_is_refused_with_a_similar_one() -> None:
+    with pytest.raises(UnknownNameError, match="no choice of robust 'hubert'"):
+        AdjustmentOptions(robust="hubert")  # type: ignore[arg-type]
+
+
 def test_what_is_not_determined_is_said_once() -> None:
     nothing = replace(
         RAYS, **{name: getattr(RAYS, name)[:0] for name in ("image", "point", "xy", "sigma", "active")}
