@@ -1,13 +1,13 @@
 """Absolute orientation: transforms a model of images into the system of the known positions.
 
 Control points and given positions of images place it; where they lie on one line, given attitudes say how it
-is turned about it, or else that the images look down. Approximate: antennas are taken for
+is turned about it, or else that the body of the cameras is level. Approximate: antennas are taken for
 projection centres.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,6 +34,8 @@ class KnownPlaces:
     local_from_camera : (n, 3, 3) given attitudes.
     distance_ends : (k, 2) object points between which distances are known.
     distance : (k,) these, metres.
+    up_in_camera : (n, 3) direction upwards, axes of the camera, while its body is level; None: opposite to
+        that in which it looks.
     """
 
     object_point: Floats
@@ -41,6 +43,12 @@ class KnownPlaces:
     local_from_camera: Floats
     distance_ends: Ints = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     distance: Floats = field(default_factory=lambda: np.zeros(0))
+    up_in_camera: Floats | None = None
+
+    def and_of(self, model: ImageModel) -> KnownPlaces:
+        """The same, with the points of a model that is placed."""
+        surveyed = np.isfinite(self.object_point)
+        return replace(self, object_point=np.where(surveyed, self.object_point, model.object_point))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +60,7 @@ class Placement:
     similarity : from the model to the known places.
     places : number of control points and positions that agree with it.
     scaled : whether places or distances gave the scale; else it is arbitrary.
-    turned : whether places or attitudes gave the rotation; else the images were taken to look down.
+    turned : whether places or attitudes gave the rotation; else the body of the cameras was taken as level.
     """
 
     similarity: Similarity
@@ -96,20 +104,23 @@ def _places(model: ImageModel, known: KnownPlaces) -> tuple[Floats, Floats]:
 
 
 def _rotation(model: ImageModel, known: KnownPlaces, source: Floats, target: Floats) -> tuple[Floats, bool]:
-    """Rotation from attitudes, else from the line of the places and images that look down."""
+    """Rotation from attitudes, else from the line of the places and bodies that are level."""
     images = model.oriented & np.isfinite(known.local_from_camera).all(axis=(1, 2))
     if images.any():
         turns = known.local_from_camera[images] @ np.swapaxes(model.local_from_camera[images], 1, 2)
         return mean_rotation(turns), True
     up = np.array([0.0, 0.0, 1.0])
-    backwards = model.local_from_camera[model.oriented][:, :, 2].mean(axis=0)
+    upwards = (
+        np.broadcast_to(up, (len(model.oriented), 3)) if known.up_in_camera is None else known.up_in_camera
+    )
+    own = np.einsum("nij,nj->ni", model.local_from_camera, upwards)[model.oriented].mean(axis=0)
     if len(source) < 2:
-        return between_directions(backwards, up), False
+        return between_directions(own, up), False
     line, goal = _direction(source), _direction(target)
     if (target[-1] - target[0]) @ goal * ((source[-1] - source[0]) @ line) < 0.0:
         goal = -goal
     first = between_directions(line, goal)
-    return turned_about(goal, first @ backwards, up) @ first, False
+    return turned_about(goal, first @ own, up) @ first, False
 
 
 def _direction(x: Floats) -> Floats:

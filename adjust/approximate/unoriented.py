@@ -32,8 +32,8 @@ def find_orientations(
     """Orient all images that image points connect to known positions, or to each other.
 
     From images with position and attitude the others are resected one after the other. What these do not
-    reach is joined to models, which control points and positions place. If nothing places
-    anything, the first model stays as it is, with its middle at the origin.
+    reach is joined to models, which control points, positions and points of what is placed already place. If
+    nothing places anything, the first model stays as it is, with its middle at the origin.
     """
     found, everything = _given(measured, known), np.ones(measured.images, dtype=bool)
     if found.count:
@@ -43,7 +43,7 @@ def find_orientations(
         model = image_model(measured, left, progress)
         if model is None:
             break
-        placed = placement(model, known)
+        placed = placement(model, known.and_of(found))
         if placed.places == 0 and found.count:
             break
         found = _joined(found, placed.of(model))

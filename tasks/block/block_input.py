@@ -222,7 +222,8 @@ def refuse_heads(chosen: Iterable[Kind]) -> None:
 def _refuse_platform_and_heads(given: GivenOrientations, settings: AdjustmentSettings) -> None:
     """Refuse to estimate both a platform without images of its own and its heads: its pose follows from them.
 
-    Known positions of the heads hide it: pivots look sound.
+    Likewise the rotations of its heads where no INS observes it. Known positions of the heads hide both:
+    pivots look sound.
     """
     mountings, free = given.mountings, set(settings.free)
     silent = np.setdiff1d(mountings.reference[given.camera], given.camera)
@@ -235,6 +236,16 @@ def _refuse_platform_and_heads(given: GivenOrientations, settings: AdjustmentSet
                 f"Take {own} out of `free`; the heads' values contain it.",
                 entity=f"camera {mountings.names[silent[0]]}",
             )
+    of_silent = np.isin(mountings.reference[given.camera], silent)
+    observed = "ins" in settings.observe and bool((given.attitude_observed & of_silent).any())
+    known = settings.priors.relative_rotation_deg
+    if len(silent) and "relative_rotation" in free and not observed and known is None:
+        raise InputError(
+            "The platform takes no pictures and no INS observes its attitude, so a common rotation of all "
+            "its heads is not determined.",
+            "Give adjustment.priors.relative_rotation_deg, or remove relative_rotation from `free`.",
+            entity=f"camera {mountings.names[silent[0]]}",
+        )
 
 
 def block_of(

@@ -62,18 +62,19 @@ def exposure_events(given: GivenOrientations) -> ExposureEvents | None:
         )
     event = joined_images(given.time_s, given.flight_of_image, np.array(given.event), reference, in_rig)
     _refuse_repeated_heads(given, event)
-    # The reading of an event is that of the image of its reference head, where there is one.
-    order = np.lexsort((given.camera != reference, event))
-    first = order[np.searchsorted(event[order], np.arange(event.max() + 1))]
+    # An event has the name of the image of its reference head, where there is one, and the readings of that
+    # image, where it has them.
+    other = given.camera != reference
+    first = first_of_events(event, other)
+    place = first_of_events(event, ~given.position_observed, other)
+    attitude = first_of_events(event, ~given.attitude_observed, other)
     _refuse_different_times(given, event, first)
-    _refuse_different_readings(given, event, first)
-    chosen = np.zeros(len(event), dtype=bool)
-    chosen[first] = True
+    _refuse_different_readings(given, place[event], attitude[event])
     # `only` keeps the order of the images; events are numbered in it.
-    number = np.argsort(np.argsort(first))
-    event = number[event]
-    first = np.sort(first)
-    events = replace(given.only(chosen), camera=reference[first])
+    order = np.argsort(first)
+    event = np.argsort(order)[event]
+    first = first[order]
+    events = _of_events(given, first, place[order], attitude[order])
     rig = Rig(
         tuple(given.image[row] for row in first),
         event,
@@ -83,6 +84,38 @@ def exposure_events(given: GivenOrientations) -> ExposureEvents | None:
         _motion(events),
     )
     return ExposureEvents(rig, events)
+
+
+def first_of_events(event: Ints, *after: Bools) -> Ints:
+    """(e,) the first image of each event: of those for which the conditions (n,) do not hold, if any.
+
+    Conditions that are named first decide first.
+    """
+    order = np.lexsort((*after[::-1], event))
+    return order[np.searchsorted(event[order], np.arange(event.max() + 1))]
+
+
+def _of_events(given: GivenOrientations, first: Ints, place: Ints, attitude: Ints) -> GivenOrientations:
+    """The events with these images (e,) as they are called, with the positions and attitudes of those."""
+    chosen = np.zeros(len(given.image), dtype=bool)
+    chosen[first] = True
+    camera = given.mountings.reference[given.camera[first]]
+    return replace(
+        given.only(chosen),
+        camera=camera,
+        x_in_map=given.x_in_map[place],
+        observed=given.observed[place],
+        position_sigma=given.position_sigma[place],
+        local_from_grid=given.local_from_grid[place],
+        local_from_enu=given.local_from_enu[place],
+        velocity=given.velocity[place],
+        position_observed=given.position_observed[place],
+        angles=given.angles_of(attitude, camera),
+        angle_sigma=given.angle_sigma[attitude],
+        is_heading=given.is_heading[attitude],
+        rates=given.rates[attitude],
+        attitude_observed=given.attitude_observed[attitude],
+    )
 
 
 def joined_to_events(rig: Rig) -> SharedMoments | None:
@@ -154,22 +187,21 @@ def _refuse_different_times(given: GivenOrientations, event: Ints, first: Ints) 
         )
 
 
-def _refuse_different_readings(given: GivenOrientations, event: Ints, first: Ints) -> None:
-    """All images of an event must have the position and attitude of one body."""
-    own = first[event]
-    apart = np.linalg.norm(given.observed - given.observed[own], axis=1)
+def _refuse_different_readings(given: GivenOrientations, place: Ints, attitude: Ints) -> None:
+    """All images must have the position and attitude of their event, which are those of images (n,)."""
+    apart = np.linalg.norm(given.observed - given.observed[place], axis=1)
     body = given.local_from_body()
-    turned = np.linalg.norm(rotation.log(np.swapaxes(body[own], 1, 2) @ body), axis=1)
-    both = given.position_observed & given.position_observed[own]
-    wrong = (both & (apart > _SAME_PLACE_M)) | (
-        given.attitude_observed & given.attitude_observed[own] & (turned > _SAME_ATTITUDE)
-    )
+    turned = np.linalg.norm(rotation.log(np.swapaxes(body[attitude], 1, 2) @ body), axis=1)
+    elsewhere = given.position_observed & given.position_observed[place] & (apart > _SAME_PLACE_M)
+    otherwise = given.attitude_observed & given.attitude_observed[attitude] & (turned > _SAME_ATTITUDE)
+    wrong = elsewhere | otherwise
     if not wrong.any():
         return
     row = int(np.argmax(wrong))
+    own = (place if elsewhere[row] else attitude)[row]
     raise InputError(
         f"Simultaneous images have different GNSS and INS observations: '{given.image[row]}' and "
-        f"'{given.image[own[row]]}' differ by {apart[row]:.3f} m and {np.rad2deg(turned[row]):.4f}° of the "
+        f"'{given.image[own]}' differ by {apart[row]:.3f} m and {np.rad2deg(turned[row]):.4f}° of the "
         "body. Heads of one body share one observation.",
         "Deliver positions of the antenna and angles of the body; or correct position_m and rotation_deg of "
         "the heads, from which positions and angles of the cameras follow.",

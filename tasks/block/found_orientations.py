@@ -81,6 +81,7 @@ def found_orientations(
         _positions(own, map_frame, frame),
         _attitudes(own, mountings, map_frame, frame, places),
         *_distances(distances, points),
+        mountings.up_in_camera[camera],
     )
     found = find_orientations(images, known, _report)
     chosen = np.flatnonzero(lacking & found.model.oriented)
@@ -166,7 +167,7 @@ def _remarks(
     if any(not item.turned for item in placements):
         remarks.append(
             "Control points and positions lie on one line or are too few to determine the rotation of "
-            "the block: its images were assumed to look down."
+            "the block: the body of its cameras was assumed to be level."
         )
     if any(not item.scaled for item in placements):
         remarks.append(

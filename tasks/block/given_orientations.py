@@ -90,6 +90,30 @@ class Mountings:
         """Nominal mountings T, (c, 3, 3)."""
         return np.stack([camera.body_from_camera for camera in self.cameras])
 
+    @property
+    def nominal_from_camera(self) -> Floats:
+        """Tᵀ R_B(b)ᵀ T (c, 3, 3): an image turned by it has the angles of its camera mounted nominally."""
+        mounting, boresight = self.body_from_camera, rotation.from_roll_pitch_yaw(self.boresight)
+        return np.asarray(np.swapaxes(mounting, 1, 2) @ np.swapaxes(boresight, 1, 2) @ mounting)
+
+    @property
+    def up_in_camera(self) -> Floats:
+        """(c, 3) direction upwards while the body is level."""
+        mounting, boresight = self.body_from_camera, rotation.from_roll_pitch_yaw(self.boresight)
+        return np.asarray(-(boresight @ mounting)[:, 2, :])
+
+
+def of_another_camera(angles: Floats, body_from_camera: Floats, one: Ints, other: Ints) -> Floats:
+    """ω, φ, κ (k, 3) of cameras (k,) as others (k,) on the same body would have them, all mounted nominally.
+
+    Parameters
+    ----------
+    body_from_camera : (c, 3, 3) nominal mountings of all cameras.
+    """
+    turn = np.swapaxes(body_from_camera[one], 1, 2) @ body_from_camera[other]
+    turned = rotation.to_omega_phi_kappa(rotation.from_omega_phi_kappa(angles) @ turn)
+    return np.where((one == other)[:, None], angles, turned)
+
 
 @dataclass(frozen=True, eq=False)
 class GivenOrientations:
@@ -241,6 +265,12 @@ class GivenOrientations:
     def body_from_camera(self) -> Floats:
         """Nominal mounting T of each image, (n, 3, 3)."""
         return np.asarray(self.mountings.body_from_camera[self.camera])
+
+    def angles_of(self, rows: Ints, camera: Ints) -> Floats:
+        """Angles (k, 3) of images (k,) as they would be of other cameras (k,) on the same body, radians."""
+        angles, own = self.angles[rows], self.camera[rows]
+        turned = of_another_camera(angles, self.mountings.body_from_camera, own, camera)
+        return np.where(self.is_heading[rows, None], angles, turned)
 
     def local_from_body(self, order: AngleOrder = "omega-phi-kappa") -> Floats:
         """Attitude of the body, R_INS (n, 3, 3); ``order`` is the order of ω, φ, κ."""

@@ -15,8 +15,10 @@ import pandas as pd
 
 from adjust.approximate.intersection import intersect
 from adjust.arrays import Bools, Floats, Ints
+from adjust.geometry import rotation
 from tasks.block.block_input import block_of, image_point_observations
-from tasks.block.given_orientations import GivenOrientations, Mountings
+from tasks.block.exposure_events import first_of_events, joined_images
+from tasks.block.given_orientations import GivenOrientations, Mountings, of_another_camera
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_frame
 from tasks.errors import InputError
@@ -38,7 +40,7 @@ def measured_exposures(
     own = exposures[exposures["image"].isin(images)]
     alone = images.difference(pd.Index(own["image"]))
     if len(alone) == 0:
-        return own
+        return _as_their_events(own, cameras)
     # The import has made sure that there is one camera only.
     rows = pd.DataFrame(
         {"image": alone, "camera": cameras["camera"].iloc[0], "position": "projection_centre"}
@@ -86,7 +88,7 @@ def oriented_images(
             "No image point lies in an image of the exposures.", "Check that both use the same image names."
         )
     if found is not None:
-        own = _completed(own, found)
+        own = _as_their_events(_completed(own, found, Mountings.from_table(cameras)), cameras)
     used = cameras["camera"].isin(own["camera"].unique())
     # The reference head of a rig may take no image itself.
     used |= cameras["camera"].isin(cameras.loc[used, "head_of"].dropna())
@@ -104,20 +106,58 @@ def oriented_images(
     return given.only(given.has_attitude), frame, unoriented
 
 
-def _completed(own: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
-    """Exposures with approximate values, which have no standard deviation, where nothing was given."""
+def _completed(own: pd.DataFrame, found: pd.DataFrame, mountings: Mountings) -> pd.DataFrame:
+    """Exposures with approximate values, which have no standard deviation, where nothing was given.
+
+    Found angles are those of the image itself, given ones those of a camera in its nominal mounting.
+    """
     result = own.reset_index(drop=True)
     row = pd.Index(found["image"]).get_indexer(pd.Index(result["image"]))
     new_place, new_angles = (row >= 0) & ~has_position(result), (row >= 0) & ~has_attitude(result)
     if not (new_place | new_angles).any():
         return result
-    for chosen, columns, sigmas in (
-        (new_place, XYZ_M, _SIGMA_M),
-        (new_angles, OPK_DEG, _SIGMA_DEG),
-    ):
-        result.loc[chosen, columns] = found[columns].to_numpy(np.float64)[row[chosen]]
+    camera = pd.Index(mountings.names).get_indexer(pd.Index(result["camera"]))[new_angles]
+    of_image = rotation.from_omega_phi_kappa(np.deg2rad(found[OPK_DEG].to_numpy(np.float64)[row[new_angles]]))
+    nominal = rotation.to_omega_phi_kappa(of_image @ mountings.nominal_from_camera[camera])
+    result.loc[new_place, XYZ_M] = found[XYZ_M].to_numpy(np.float64)[row[new_place]]
+    result.loc[new_angles, OPK_DEG] = np.rad2deg(nominal)
+    for chosen, sigmas in ((new_place, _SIGMA_M), (new_angles, _SIGMA_DEG)):
         result.loc[chosen, sigmas] = np.nan
     result.loc[new_place, "position"] = "projection_centre"
+    return result
+
+
+def _as_their_events(exposures: pd.DataFrame, cameras: pd.DataFrame) -> pd.DataFrame:
+    """Exposures; images of heads without position or attitude get those of another head in their event.
+
+    These are approximate values, without standard deviation: the reading of the event is that of the other.
+    """
+    mountings = Mountings.from_table(cameras)
+    if not mountings.has_heads or (has_position(exposures) & has_attitude(exposures)).all():
+        return exposures
+    result = exposures.reset_index(drop=True)
+    camera = pd.Index(mountings.names).get_indexer(pd.Index(result["camera"])).astype(np.int64)
+    event = joined_images(
+        result["time_s"].to_numpy(np.float64),
+        pd.factorize(result["flight"], use_na_sentinel=False)[0].astype(np.int64),
+        result["event"].fillna("").to_numpy(np.str_),
+        mountings.reference[camera],
+        (np.bincount(mountings.reference) > 1)[mountings.reference[camera]],
+    )
+    for known, columns, sigmas in (
+        (has_position(result), [*XYZ_M, "position"], _SIGMA_M),
+        (has_attitude(result), [*OPK_DEG, *HEADING_DEG], _SIGMA_DEG),
+    ):
+        other = first_of_events(event, ~known)[event]
+        taking = np.flatnonzero(~known & known[other])
+        result.loc[taking, columns] = result.loc[other[taking], columns].to_numpy()
+        result.loc[taking, sigmas] = np.nan
+        if OPK_DEG[0] in columns:
+            angles = np.deg2rad(result.loc[taking, OPK_DEG].to_numpy(np.float64))
+            turned = of_another_camera(
+                angles, mountings.body_from_camera, camera[other[taking]], camera[taking]
+            )
+            result.loc[taking, OPK_DEG] = np.rad2deg(turned)
     return result
 
 

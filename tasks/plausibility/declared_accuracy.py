@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from adjust.arrays import Floats
 from tasks.block.given_orientations import GivenOrientations
 from tasks.settings.quality import ChecksSettings
 
@@ -27,11 +28,13 @@ class TieLimits:
     ----------
     suspicious_px : above it a mistake that explains the residuals is named.
     wrong_px : above it the orientations are called wrong.
+    of_image_px : (n,) the same for a single image, with its own standard deviations.
     because : what makes it an error: the stated standard deviations, and the keys they are in.
     """
 
     suspicious_px: float
     wrong_px: float
+    of_image_px: Floats
     because: str = ""
 
 
@@ -65,14 +68,16 @@ def tie_limits(given: GivenOrientations, checks: ChecksSettings, height: float) 
     scale = np.array([camera.focal_length / camera.pixel_size for camera in cameras])[given.camera]
     attitude = np.nan_to_num(given.angle_sigma).max(axis=1)
     position = np.nan_to_num(given.position_sigma).max(axis=1) / max(height, _spacing(given), 1.0)
-    expected = float(np.median(scale * np.hypot(attitude, position)))
+    of_image = scale * np.hypot(attitude, position)
+    expected = float(np.median(of_image))
     wrong = max(checks.tie_residual_px, _ALLOWANCE * expected)
     stated = float(np.median(np.nan_to_num(given.position_sigma).max(axis=1)))
     because = (
         f"(ten times what the stated σ of {stated:.3g} m and {np.rad2deg(np.median(attitude)):.3g}° explain, "
         "inputs.exposures.sigma, or checks.tie_residual_px)"
     )
-    return TieLimits(min(max(_SUSPICIOUS_PX, _SUSPICIOUS * expected), wrong), wrong, because)
+    suspicious = min(max(_SUSPICIOUS_PX, _SUSPICIOUS * expected), wrong)
+    return TieLimits(suspicious, wrong, np.maximum(wrong, _ALLOWANCE * of_image), because)
 
 
 def expected_intersections(

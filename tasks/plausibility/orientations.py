@@ -104,20 +104,20 @@ def check_orientations(
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
     worst_px = max(found.median_px, _worst_camera(given, rays, found))
     if worst_px <= limits.suspicious_px:
-        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size, found)
+        _check_single_images(given, rays, state, points, limits, pixel_size, found)
         return []
     slips, left_px = best_slips(given, sample_of_rays(rays, points), state, worst_px, pixel_size)
     if worst_px <= limits.wrong_px and (not slips or left_px > limits.suspicious_px):
-        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size, found)
+        _check_single_images(given, rays, state, points, limits, pixel_size, found)
         return []
     if worst_px > limits.wrong_px:
         if not slips and found.median_px <= limits.wrong_px:
-            _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size, found)
+            _check_single_images(given, rays, state, points, limits, pixel_size, found)
         explaining = slips if left_px <= limits.wrong_px else ()
         raise _refusal(worst_px, limits.wrong_px, limits.because, explaining, left_px)
     refusal = _refusal(worst_px, limits.suspicious_px, "", slips, left_px)
     try:
-        _check_single_images(given, rays, state, points, limits.wrong_px, pixel_size, found)
+        _check_single_images(given, rays, state, points, limits, pixel_size, found)
     except InputError as error:
         # Images that stand out most are not to blame for what all of them show.
         raise refusal from error
@@ -205,19 +205,24 @@ def _check_single_images(
     rays: ImagePoints,
     state: State,
     points: int,
-    limit_px: float,
+    limits: TieLimits,
     pixel: Floats,
     found: RayResiduals,
 ) -> None:
     """Name images whose orientation contradicts that of their neighbours.
 
     Images are left out, each time the one without which the others agree best, until they do; what was
-    left out is then compared with the points intersected from the others.
+    left out is then compared with the points intersected from the others. Those that are known less well than
+    the others, such as from the track, contradict nobody.
     """
     left_out: list[int] = []
-    kept = np.ones(len(rays.image), dtype=bool)
+    limit_px = limits.wrong_px
+    kept = np.asarray((limits.of_image_px <= limit_px)[rays.image])
     number = np.arange(points)
-    medians = _medians(rays, found, points, len(given.image))
+    if kept.all():
+        medians = _medians(rays, found, points, len(given.image))
+    else:
+        medians = _medians_of(_subset(rays, kept, number), state, points, pixel)
     while len(left_out) <= max(1, len(given.image) // 5):
         if medians.max() <= limit_px:
             break

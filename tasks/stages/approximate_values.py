@@ -144,7 +144,9 @@ def _intersected(
     status = np.array([STATUS[code] for code in IntersectionStatus], dtype=object)[intersection.status]
     usable = intersection.usable
     status[usable & (intersection.angle < np.deg2rad(checks.min_intersection_angle_deg))] = WEAK_ANGLE
-    status[usable & (largest > 4.0 * limits.wrong_px)] = MISMATCH
+    allowed = np.zeros(len(points))
+    np.maximum.at(allowed, rays.point, limits.of_image_px[rays.image])
+    status[usable & (largest > 4.0 * allowed)] = MISMATCH
     x_in_local = np.where(usable[:, None], intersection.object_point, np.nan)
     count = np.bincount(rays.point, minlength=len(points)).astype(np.int64)
     _take_surveyed(points, surveyed, x_in_local, status, count)

@@ -125,6 +125,19 @@ def test_an_image_that_nothing_joins_to_the_others_is_named(delivered: Path) -> 
     assert any("cannot be oriented" in text and lonely in text for text in outcome.summary.problems)
 
 
+def test_an_image_with_few_points_keeps_the_heading_of_its_strip(delivered: Path) -> None:
+    """It has no attitude that could be wrong: the block was refused for it."""
+    table, points = exposures(delivered), pd.read_csv(delivered / "image_points.csv", dtype=str)
+    image = table["image"].iloc[3]
+    table.loc[table["image"] == image, ANGLES] = ""
+    table.to_csv(delivered / "exposures.csv", index=False)
+    kept = (points["image"] != image) | (points.groupby("image").cumcount() < 5)
+    points[kept].to_csv(delivered / "image_points.csv", index=False)
+    outcome = run(delivered)
+    assert_true(delivered, outcome)
+    assert groups(outcome)["ins_attitudes"] == 27
+
+
 def test_a_block_on_a_map_that_nothing_places_is_refused(delivered: Path) -> None:
     without_exposures(delivered)
     text = (delivered / "project.toml").read_text()
