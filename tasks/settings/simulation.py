@@ -402,6 +402,20 @@ class Simulation(Settings):
         return self
 
     @model_validator(mode="after")
+    def _sigma_of_the_angles(self) -> Simulation:
+        if self.project.angles == "heading-pitch-roll":
+            return self
+        for name in ("ins_deg", "ins_markov_deg"):
+            roll, pitch, _ = getattr(self.noise, name)
+            if roll != pitch:
+                raise trouble(
+                    f"noise.{name} has different values of roll and pitch: the σ of ω and φ, which the "
+                    "project states, would depend on the heading.",
+                    'Give roll and pitch the same value, or project.angles = "heading-pitch-roll".',
+                )
+        return self
+
+    @model_validator(mode="after")
     def _flights_exist(self) -> Simulation:
         flights = {lines.flight for lines in self.flight}
         for name in self.truth.gnss_shift_of_flight_m:

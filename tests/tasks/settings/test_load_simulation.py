@@ -102,6 +102,7 @@ def test_the_seed_of_the_command_line_beats_the_file(tmp_path: Path) -> None:
         (["flight.1.name=E"], "same name"),
         (["control.layout=perimeter"], "needs count"),
         (["control.control=3", "control.check_fraction=0.5"], "exclude each other"),
+        (["project.angles=omega-phi-kappa", "noise.ins_deg=[0.001, 0.02, 0.008]"], "depend on the heading"),
         (["truth.gnss_shift_of_flight_m={ 2 = [0.1, 0.0, 0.0] }"], "which does not exist"),
     ],
 )
