@@ -66,9 +66,9 @@ def found_orientations(
     places = _places(own, control)
     if len(places) == 0 and not map_frame.is_local:
         raise InputError(
-            "No exposure has a position and there are no control points, so the location of the block "
+            "No exposure has a position and no control point has x, y and z, so the location of the block "
             f"in {map_frame.name} is unknown.",
-            'Give control points or positions, or adjust it as a free network with crs = "local".',
+            'Give full control points or positions, or adjust it as a free network with crs = "local".',
         )
     frame = local_frame(map_frame, places)
     mountings = Mountings.from_table(cameras[cameras["camera"].isin(own["camera"].unique())])

@@ -102,12 +102,12 @@ def check_control(
         )
     names = [differences.point[i] for i in np.argsort(-distance, kind="stable") if far[i]]
     worst = differences.point.index(names[0])
-    east, north, up = differences.enu[worst]
+    known = zip(("east", "north", "up"), differences.enu[worst], strict=True)
+    off = ", ".join(f"{axis} {value:+,.1f} m" for axis, value in known if np.isfinite(value))
     listed = f" ({len(names)} such points: {', '.join(names[:5])}{', …' if len(names) > 5 else ''})"
     raise InputError(
         f"The {int(differences.rays[worst])} rays intersect {distance[worst]:,.1f} m from the given position "
-        f"(east {east:+,.1f} m, north {north:+,.1f} m, up {up:+,.1f} m)"
-        f"{listed if len(names) > 1 else ''}; more than {limit_m:g} m is an error.",
+        f"({off}){listed if len(names) > 1 else ''}; more than {limit_m:g} m is an error.",
         "Check its coordinates, its CRS and heights, and whether its image points belong to this point; or "
         "raise checks.control_distance_m.",
         entity=f"control point {names[0]}",

@@ -148,6 +148,17 @@ def test_a_block_on_a_map_that_nothing_places_is_refused(delivered: Path) -> Non
     assert "the location of the block in" in str(outcome.error)
 
 
+def test_a_wrong_control_point_known_in_plan_only_is_named_without_a_height(delivered: Path) -> None:
+    control = pd.read_csv(delivered / "control.csv", dtype=str)
+    control["z"] = ""
+    control.loc[5, "x"] = f"{float(control.loc[5, 'x']) + 250.0:.3f}"
+    control.to_csv(delivered / "control.csv", index=False)
+    outcome = run(delivered)
+    assert f"control point {control.loc[5, 'point']}" in str(outcome.error)
+    assert "(east -250." in str(outcome.error)
+    assert "up" not in str(outcome.error).split(";")[0]
+
+
 def normalized(truth: CloseRange, outcome: RunOutcome) -> dict[str, np.ndarray]:
     """(Adjusted − true)/σ of orientations, object points and camera."""
     images = pd.read_parquet(outcome.directory / "exterior_orientations.parquet").set_index("image")
