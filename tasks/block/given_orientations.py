@@ -296,8 +296,20 @@ class GivenOrientations:
     def with_boresight(self, approximate: pd.DataFrame) -> Self:
         """The same with the boresight of approximate_boresight.parquet in the place of the given one."""
         rows = approximate.set_index("camera").loc[list(self.mountings.names)]
-        angles = np.deg2rad(rows[["roll_deg", "pitch_deg", "yaw_deg"]].to_numpy(np.float64))
-        return replace(self, mountings=replace(self.mountings, boresight=angles))
+        return self.turned(np.deg2rad(rows[["roll_deg", "pitch_deg", "yaw_deg"]].to_numpy(np.float64)))
+
+    def turned(self, boresight: Floats) -> Self:
+        """The same with another boresight (c, 3); attitudes that were found for images stay as they are."""
+        changed = replace(self, mountings=replace(self.mountings, boresight=boresight))
+        of_images = ~self.attitude_observed & ~self.is_heading & self.has_attitude
+        if not of_images.any():
+            return changed
+        before, after = self.mountings.nominal_from_camera, changed.mountings.nominal_from_camera
+        turn = (np.swapaxes(before, 1, 2) @ after)[self.camera[of_images]]
+        angles = self.angles.copy()
+        nominal = rotation.from_omega_phi_kappa(angles[of_images]) @ turn
+        angles[of_images] = rotation.to_omega_phi_kappa(nominal)
+        return replace(changed, angles=angles)
 
     def headings(self) -> Floats:
         """Heading of the body (n,), radians clockwise from true north."""

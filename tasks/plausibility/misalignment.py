@@ -108,8 +108,7 @@ def misalignment(
 
 def _turned(given: GivenOrientations, angles: Floats) -> GivenOrientations:
     """Orientations whose boresight is the given one and small angles (c, 3) more."""
-    boresight = given.mountings.boresight + angles
-    return replace(given, mountings=replace(given.mountings, boresight=boresight))
+    return given.turned(given.mountings.boresight + angles)
 
 
 def _state_of(state: State, given: GivenOrientations) -> State:

@@ -28,7 +28,7 @@ from tasks.block.approximation import (
 from tasks.block.block_input import SurveyedPoints, block_of, image_point_observations, surveyed_points
 from tasks.block.found_orientations import found_orientations
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.oriented_images import measured_exposures, oriented_images
+from tasks.block.oriented_images import has_attitude, has_position, measured_exposures, oriented_images
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame
 from tasks.files.json_text import JSON
@@ -69,9 +69,10 @@ def write_approximate_block(
     surveyed_table = read_table(control_points)
     delivered, camera_table = read_table(exposures), read_table(cameras)
     given_distances = read_table(distances)
-    oriented = found_orientations(
-        delivered, camera_table, measured, surveyed_table, given_distances, map_frame
+    mounted = _checked_alone(
+        delivered, camera_table, measured, surveyed_table, map_frame, checks, misaligned=misaligned
     )
+    oriented = found_orientations(delivered, mounted, measured, surveyed_table, given_distances, map_frame)
     own = measured_exposures(delivered, camera_table, measured)
     given, frame, unoriented = oriented_images(delivered, camera_table, measured, map_frame, oriented.table)
     measured = measured[~measured["image"].isin(unoriented)]
@@ -106,6 +107,36 @@ def write_approximate_block(
     )
     figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, differences)}
     write_notes(folder, Notes(tuple(problems), figures, tuple(suspicions)))
+
+
+def _checked_alone(
+    delivered: pd.DataFrame,
+    cameras: pd.DataFrame,
+    measured: pd.DataFrame,
+    surveyed: pd.DataFrame,
+    map_frame: MapFrame,
+    checks: ChecksSettings,
+    *,
+    misaligned: bool,
+) -> pd.DataFrame:
+    """Cameras with the boresight that the delivered attitudes show, where some images have none.
+
+    The orientations of the others are found from these: a mistake in them has to be named before.
+    """
+    own = measured_exposures(delivered, cameras, measured)
+    whole = has_position(own) & has_attitude(own)
+    if whole.all() or not whole.any():
+        return cameras
+    names = own.loc[whole, "image"]
+    part = measured[measured["image"].isin(names)]
+    given, frame, _ = oriented_images(delivered[delivered["image"].isin(names)], cameras, part, map_frame)
+    points = surveyed_points(surveyed, map_frame, frame)
+    mountings = _intersected(given, frame, part, points, checks, misaligned=misaligned).given.mountings
+    result = cameras.copy()
+    rows = pd.Index(result["camera"]).get_indexer(pd.Index(mountings.names))
+    columns = [f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")]
+    result.iloc[rows, result.columns.get_indexer(pd.Index(columns))] = np.rad2deg(mountings.boresight)
+    return result
 
 
 def _intersected(

@@ -73,6 +73,9 @@ def diagnose(
         oriented = None
     if oriented is not None:
         given, frame, _ = oriented
+        if given.attitude_observed.any():
+            # Attitudes from the track beside delivered ones are no mistake of the delivery.
+            given = given.only(given.attitude_observed)
         reduced = delivered.set_index("image")["position"].reindex(given.image) == "projection_centre"
         positions = DeclaredPositions(reduced.to_numpy(bool), declared.free)
         block = _block(given, frame, measured)

@@ -107,6 +107,28 @@ def test_a_block_of_which_a_part_was_oriented(delivered: Path) -> None:
     }
 
 
+def test_a_mistake_in_attitudes_is_named_where_some_images_have_none(delivered: Path) -> None:
+    table = exposures(delivered)
+    table.loc[::3, ANGLES] = ""
+    table.to_csv(delivered / "exposures.csv", index=False)
+    outcome = run(delivered, "cameras.UCE-80.mount_deg=90")
+    assert outcome.summary.status == "input_error"
+    assert "The images look rotated by 270°" in str(outcome.error)
+
+
+def test_a_boresight_of_degrees_is_found_where_some_images_have_no_attitude(tmp_path: Path) -> None:
+    changes = ("points.count=400", "truth.boresight_deg=[2.0, -1.5, 1.0]")
+    simulate_project(load_simulation("uce-high", changes), tmp_path)
+    table = exposures(tmp_path)
+    table.loc[::3, ANGLES] = ""
+    table.to_csv(tmp_path / "exposures.csv", index=False)
+    outcome = run(tmp_path)
+    assert_true(tmp_path, outcome)
+    assert groups(outcome)["ins_attitudes"] == 18
+    found = pd.read_parquet(outcome.directory / "parameters.parquet").set_index("parameter")
+    assert found.loc["boresight_roll", "value"] == pytest.approx(2.0, abs=0.005)
+
+
 def test_an_image_that_no_exposure_names_is_a_slip_unless_declared(delivered: Path) -> None:
     exposures(delivered).drop(index=2).to_csv(delivered / "exposures.csv", index=False)
     outcome = run(delivered)
