@@ -50,7 +50,7 @@ class ImportedBlock:
             **self.tables,
             project=project.project,
             checks=project.checks,
-            misaligned="boresight" in free,
+            misaligned=not approximate.MOUNTINGS.isdisjoint(free),
         )
         return PreparedBlock(
             self.exposures, self.control, self.image_points, self.imported, approximate=found

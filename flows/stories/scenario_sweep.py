@@ -19,6 +19,7 @@ from tasks.settings.sweep import SweepSettings
 from tasks.stages import bundle_adjustment_stage, sweep_page
 from tasks.stages import sub_block as selection
 from tasks.stages import sweep_table as tabulate
+from tasks.stages.approximate_values_stage import MOUNTINGS
 from tasks.store.store import Outputs, Store
 from tasks.sweep import publication
 from tasks.sweep.scenario import Computed, Scenario, in_one_line, scenarios
@@ -134,7 +135,7 @@ def _computed(cases: Sequence[_Case], store: Store, executor: Executor | None) -
             {
                 **given,
                 "checks": case.project.checks,
-                "misaligned": "boresight" in case.project.adjustment.free,
+                "misaligned": not MOUNTINGS.isdisjoint(case.project.adjustment.free),
             }
             for case, given in zip(cases, inputs, strict=True)
         ],

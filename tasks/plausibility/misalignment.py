@@ -53,8 +53,8 @@ class Misalignment:
         )
         return (
             f"The tie points show a misalignment of camera and INS: {found} relative to the given "
-            "boresight. The adjustment uses it as initial value; declare it as boresight_deg if it is "
-            "known."
+            "boresight. The adjustment uses it as initial value; declare it as boresight_deg"
+            f"{', of heads as rotation_deg,' if self.given.mountings.has_heads else ''} if it is known."
         )
 
 

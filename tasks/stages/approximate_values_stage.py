@@ -9,6 +9,9 @@ from tasks.settings.quality import ChecksSettings
 from tasks.store.artifact import Artifact
 from tasks.store.store import stored
 
+#: Parameters that make any usual boresight of a camera possible where they are estimated.
+MOUNTINGS = frozenset({"boresight", "relative_rotation"})
+
 
 @stored("approximate_values")
 def approximate_block(
@@ -29,7 +32,7 @@ def approximate_block(
 
     Parameters
     ----------
-    misaligned : whether the boresight is to be estimated, so that any usual value is possible.
+    misaligned : whether mountings are to be estimated, so that any usual boresight is possible.
 
     Raises
     ------

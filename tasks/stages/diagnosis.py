@@ -34,6 +34,7 @@ from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ControlInput, ExposuresInput, ImagePointsInput
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
+from tasks.stages.approximate_values_stage import MOUNTINGS
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
@@ -132,7 +133,7 @@ def _by_ties(
         return [], block
     given = delivered.given
     limits = tie_limits(given, checks, _height(block))
-    if "boresight" in declared.free:
+    if not MOUNTINGS.isdisjoint(declared.free):
         turned = misalignment(given, delivered.rays, block.state, len(block.points), limits)
         given = given if turned is None else turned.given
         delivered = replace(delivered, given=given)
@@ -142,7 +143,7 @@ def _by_ties(
     found = diagnosed(delivered, misses, hypotheses, limits)
     mistakes = list(found.mistakes)
     settled = found.delivered
-    if "boresight" in declared.free:
+    if not MOUNTINGS.isdisjoint(declared.free):
         settled = with_boresight(settled, misses, limits.suspicious_px)
     mistakes += moved_positions(settled, misses, positions, limits.suspicious_px)
     if found.left_px <= limits.wrong_px:

@@ -17,6 +17,7 @@ from tasks.errors import InputError
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tasks.simulation.truth_comparison import compare_with_truth
 from tests.flows.adjustment_alone import adjustment_alone
 from tests.tasks.documents.report.page_reader import Page
 
@@ -68,6 +69,21 @@ def test_mountings_of_the_heads_are_found_within_their_standard_deviations(
     assert np.all(late["sigma"] < 2e-4)
     relative = mountings[mountings.index.get_level_values(0).str.startswith("relative")]
     assert np.all(relative["sigma"] < 5e-4)
+
+
+def test_heads_that_are_turned_by_a_degree_are_found_without_a_boresight(tmp_path: Path) -> None:
+    """That of a platform that takes no pictures cannot be estimated; its heads may be turned all the same."""
+    turned = ([1.5, -0.5, 0.8], [-1.0, 0.5, 0.4], [0.3, -1.2, 0.4], [-0.3, 1.2, 1.4])
+    changes = [f"head.{number}.rotation_change_deg={change}" for number, change in enumerate(turned)]
+    size = ("flight.lines=3", "flight.exposures=5", "points.count=450")
+    project = simulate_project(load_simulation("dmc-heads", (*size, *changes)), tmp_path).project_file
+    directory = adjusted(project, tmp_path / "results", 'adjustment.free=["relative_rotation"]')
+    comparison = compare_with_truth(tmp_path, directory)
+    assert len(comparison.parameters) == 12
+    assert comparison.joint is not None
+    assert comparison.joint.probability > 1e-3
+    problems = json.loads((directory / "summary.json").read_text())["problems"]
+    assert any("of heads as rotation_deg" in text for text in problems)
 
 
 def test_each_event_is_observed_once_and_each_picture_has_an_orientation(flight: Path, results: Path) -> None:
