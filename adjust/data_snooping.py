@@ -2,6 +2,9 @@
 
 In the end all that was rejected is tested against what remains, and what fits comes back, each
 observation once: gross errors in its neighbourhood had made it look bad.
+
+What is known beforehand of a parameter is never rejected. Where it contradicts the block, gross errors below
+its contradiction cannot be told from what it causes, and are searched for without it.
 """
 
 from __future__ import annotations
@@ -11,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Bools
-from adjust.errors import InconsistentBlockError
+from adjust.errors import AdjustmentError, InconsistentBlockError
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.quality.readmission import Return, fitting_again
-from adjust.quality.rejection import Rejection, SnoopingRule, reject
+from adjust.quality.rejection import Rejection, SnoopingRule, contradicting_priors, reject
 from adjust.quality.robust import robust_rejection
 from adjust.solve.system import Observations
 
@@ -90,6 +93,20 @@ class Search:
         points = self.given_up & ~self.returned_points
         return fitting_again(self.adjusted, self.given, once, points, rule)
 
+    def without_priors(self, adjuster: Adjuster, priors: tuple[Bools, ...]) -> Search:
+        """The state after an adjustment without some of what is known beforehand."""
+        left = replace(self, rejected=tuple(a | b for a, b in zip(self.rejected, priors, strict=True)))
+        return replace(left, adjusted=adjuster.again(self.adjusted, left.remaining()))
+
+    def with_priors(self, adjuster: Adjuster, priors: tuple[Bools, ...]) -> Search:
+        """The state after an adjustment with them again, whether they fit or not."""
+        rejected, returned = (
+            tuple(a & ~b for a, b in zip(masks, priors, strict=True))
+            for masks in (self.rejected, self.returned)
+        )
+        left = replace(self, rejected=rejected, returned=returned)
+        return replace(left, adjusted=adjuster.again(self.adjusted, left.remaining()))
+
     def leaves_out_the_same_as(self, other: Search) -> bool:
         """Whether the same observations and object points are left out."""
         masks = zip((*self.rejected, self.given_up), (*other.rejected, other.given_up), strict=True)
@@ -109,12 +126,15 @@ def without_rejected(given: Observations, gone: Rejection) -> Observations:
     )
 
 
-def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule, complete: bool = True) -> Search:
+def snoop(
+    adjuster: Adjuster, search: Search, rule: SnoopingRule, complete: bool = True, priors: bool = True
+) -> Search:
     """Reject until no controlled observation exceeds the critical value, then restore those that fit.
 
     Parameters
     ----------
     complete : adjust what is left to the end, and look at it again; otherwise it may count as stalled.
+    priors : search once more without what is known beforehand and contradicts what is left.
 
     Raises
     ------
@@ -139,13 +159,30 @@ def snoop(adjuster: Adjuster, search: Search, rule: SnoopingRule, complete: bool
         elif complete and search.adjusted.solution.stalled:
             search = replace(search, adjusted=adjuster.to_the_end(search.adjusted))
         else:
-            return search
+            return _behind_priors(adjuster, search, rule, complete) if priors else search
     raise InconsistentBlockError(
         f"After {adjuster.options.most_passes} passes of rejection there are still standardized "
         f"residuals above {rule.critical_value}. σ0 of what is left: {_sigmas0(search.adjusted)}. If σ0 "
         "of a group is far above 1, its stated σ are too small; otherwise the critical value is too "
         "small."
     )
+
+
+def _behind_priors(adjuster: Adjuster, search: Search, rule: SnoopingRule, complete: bool) -> Search:
+    """The search after another one without the priors that contradict; unchanged if that finds nothing."""
+    priors = contradicting_priors(search.adjusted, rule)
+    if not any(mask.any() for mask in priors):
+        return search
+    try:
+        without = search.without_priors(adjuster, priors)
+        found = snoop(adjuster, without, rule, complete=False, priors=False).with_priors(adjuster, priors)
+    except AdjustmentError:  # together they determine what nothing else does
+        return search
+    if found.leaves_out_the_same_as(search):
+        return search
+    if complete and found.adjusted.solution.stalled:
+        found = replace(found, adjusted=adjuster.to_the_end(found.adjusted))
+    return found
 
 
 def _sigmas0(adjusted: Adjusted) -> str:

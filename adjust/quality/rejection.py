@@ -182,6 +182,17 @@ def could_be_gross(group: ObservationGroup) -> bool:
     return not isinstance(group, DirectObservations | JointPrior)
 
 
+def contradicting_priors(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Bools, ...]:
+    """For each group (n,) what is known beforehand of parameters and contradicts the block."""
+    variance = estimated_variance(adjusted, rule)
+    return tuple(
+        np.zeros(len(group.event), dtype=bool)
+        if could_be_gross(group)
+        else _of_components(item, variance) > rule.critical_value
+        for group, item in zip(adjusted.observations.groups, adjusted.residuals, strict=True)
+    )
+
+
 def choose(
     observations: Observations, state: State, statistics: tuple[Floats, ...], least: tuple[Floats, ...]
 ) -> Rejection:

@@ -248,6 +248,37 @@ def test_a_prior_that_contradicts_hides_no_gross_error_for_good(test: Any) -> No
     assert rejected_rays(result) == [ray]
 
 
+@pytest.mark.parametrize("test", ["components", "observations"])
+@pytest.mark.parametrize("robust", [None, "huber"])
+def test_smaller_errors_are_found_behind_a_prior_that_contradicts(test: Any, robust: Any) -> None:
+    """A fifth of its 38 σ for rays, and seven tenths for positions, would hide them; the prior stays."""
+    given = scene(
+        free={BORESIGHT: True, INTERIOR_ORIENTATION: True}, priors={INTERIOR_ORIENTATION: 10 * MICROMETRE}
+    )
+    *others, prior = given.observations.others
+    assert isinstance(prior, DirectObservations)
+    gnss: Any = others[1]
+    observed = gnss.observed.copy()
+    observed[6, 0] += 0.6
+    others[1] = replace(gnss, observed=observed)
+    wrong = replace(prior, given=prior.given + np.array([0.0, 420 * MICROMETRE, 0.0]))
+    given = replace(given, observations=replace(given.observations, others=(*others, wrong)))
+    ray = first_ray(given, 5)
+    damaged = with_ray_error(given, ray, (15 * MICROMETRE, 0.0))
+    result = adjust_block(
+        damaged.block,
+        damaged.observations,
+        AdjustmentOptions(critical_value=CRITICAL, test=test, robust=robust),
+    )
+    assert np.nanmax(np.abs(result.groups[-1].standardized)) > 35.0
+    assert result.groups[-1].rejected == 0
+    assert rejected_rays(result) == [ray]
+    (positions,) = np.nonzero((result.groups[2].status == ObservationStatus.REJECTED).any(axis=1))
+    assert positions.tolist() == [6]
+    # A robust estimate gives way to the prior, and what it takes away wrongly comes back.
+    assert robust is not None or result.taken_back == 0
+
+
 def test_a_prior_of_many_parameters_that_fits_is_not_suspicious() -> None:
     """Its T has as many degrees of freedom; as that of fewer it would look large and shield others."""
     given = scene(additional=True, free={ADDITIONAL_PARAMETERS: True})
