@@ -9,6 +9,8 @@ from tasks.quantities import quantity_words
 
 #: Beyond the critical value, in σ: what is found with a probability of 80 %.
 POWER = NormalDist().inv_cdf(0.8)
+#: Beginning of a quantity: the given value of the parameter that follows.
+PRIOR = "prior_"
 
 
 def alternative_words(row: Mapping[Hashable, object]) -> str:

@@ -1,24 +1,30 @@
-"""Single observations that may be wrong, as alternatives of the model.
+"""Single observations and given values that may be wrong, as alternatives of the model.
 
-One wrong position looks like a shift of its strip, one wrong control point like a tilt of all. Beside these
-alternatives it is the likelier one, and what it explains is left to nothing else.
+One wrong position looks like a shift of its strip, one wrong control point like a tilt of all, a given
+principal point like a lever arm. Beside these alternatives it is the likelier one, and what it explains is
+left to nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy import special
 
+from adjust.block import Block
 from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
+from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
+from adjust.observations.joint_prior import JointPrior
 from adjust.quality.model_alternatives import ObservationAlternative
 from adjust.result import GroupResult, ObservationStatus
 from tasks.evaluation.alternative import Alternative
+from tasks.evaluation.alternative_words import PRIOR
 from tasks.evaluation.result_tables import AdjustedBlock
+from tasks.quantities import reported_unit
 
 # Of calling any observation of a sound group wrong.
 _ERROR_PROBABILITY = 0.005
@@ -27,7 +33,7 @@ MOST_SINGLE = 10
 
 
 def single_errors(adjusted: AdjustedBlock) -> tuple[Alternative, ...]:
-    """The positions, attitudes and control points with the largest residuals that nothing has rejected.
+    """Positions, attitudes, control points and priors with the largest residuals that nothing has rejected.
 
     Each has an alternative for every component; they are in the axes of the observations.
     """
@@ -40,28 +46,59 @@ def _of_group(adjusted: AdjustedBlock, tested: GroupResult) -> Iterator[Alternat
     named = _named(adjusted, group)
     if named is None:
         return
-    kind, entities = named
     used = tested.status == ObservationStatus.USED
     scale = max(1.0, adjusted.result.test.sigma0)
-    w = np.where(used, np.abs(np.nan_to_num(tested.standardized)) / scale, 0.0).max(axis=1)
+    w = np.where(used, np.abs(np.nan_to_num(tested.standardized)) / scale, 0.0)
     limit = special.ndtri(1.0 - 0.5 * _ERROR_PROBABILITY / max(int(used.sum()), 1))
-    worst = np.argsort(-w, kind="stable")[:MOST_SINGLE]
-    for number in worst[w[worst] > limit].tolist():
-        for axis in np.flatnonzero(used[number]).tolist():
+    # Each value that is given of a parameter is one by itself; elsewhere all components are wrong, or none.
+    alone = w > limit if isinstance(group, DirectObservations | JointPrior) else used
+    largest = w.max(axis=1)
+    worst = np.argsort(-largest, kind="stable")[:MOST_SINGLE]
+    for number in worst[largest[worst] > limit].tolist():
+        for axis in np.flatnonzero(alone[number]).tolist():
             change = np.zeros(tested.residual.shape)
             change[number, axis] = 1.0
-            name = group.components[axis]
-            factor, unit = (float(np.rad2deg(1.0)), "deg") if group.unit == "rad" else (1.0, "m")
+            name, entity, unit, factor = named(number, axis)
             model = ObservationAlternative(group.name, change)
-            yield Alternative(f"{kind}_{name}", entities[number], "all", "", unit, factor, model, limit)
+            yield Alternative(name, entity, "all", "", unit, factor, model, limit)
 
 
-def _named(adjusted: AdjustedBlock, group: ObservationGroup) -> tuple[str, list[str]] | None:
-    """What an observation of a group is called, and the event or point of each; None: not tested here."""
+def _named(
+    adjusted: AdjustedBlock, group: ObservationGroup
+) -> Callable[[int, int], tuple[str, str, str, float]] | None:
+    """Quantity, entity, unit and its factor of a component of an observation; None: not tested here."""
+    block = adjusted.block
     if isinstance(group, GnssPositions):
-        return "gnss_position", [adjusted.block.events[event] for event in group.event]
+        return lambda i, axis: (
+            f"gnss_position_{group.components[axis]}",
+            block.events[group.event[i]],
+            "m",
+            1.0,
+        )
     if isinstance(group, InsAttitudes):
-        return "ins_attitude", [adjusted.block.events[event] for event in group.event]
+        degrees = float(np.rad2deg(1.0))
+        return lambda i, axis: (
+            f"ins_attitude_{group.components[axis]}",
+            block.events[group.event[i]],
+            "deg",
+            degrees,
+        )
     if isinstance(group, ControlPoints):
-        return "control_point", [adjusted.block.points[point] for point in group.point]
+        return lambda i, axis: (
+            f"control_point_{group.components[axis]}",
+            block.points[group.point[i]],
+            "m",
+            1.0,
+        )
+    if isinstance(group, DirectObservations):
+        return lambda i, axis: _given(block, group.family.name, int(group.entity[i]), axis)
+    if isinstance(group, JointPrior):
+        return lambda _, axis: _given(block, *group.places[axis])
     return None
+
+
+def _given(block: Block, family: str, entity: int, component: int) -> tuple[str, str, str, float]:
+    """The same of the given value of a parameter."""
+    parameters = next(item for item in block.system if item.family.name == family)
+    quantity = parameters.quantity(entity, component)
+    return f"{PRIOR}{quantity.name}", quantity.entity, *reported_unit(parameters.family, component)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from tasks.evaluation.alternative_words import POWER, alternative_words, where
+from tasks.evaluation.alternative_words import POWER, PRIOR, alternative_words, where
 from tasks.quantities import COMPONENTS, additional_set, entity_words, quantity_words, shown, with_unit
 from tasks.results.figures import ModelFinding
 
@@ -125,6 +125,10 @@ _KINDS: Mapping[str, _Kind] = {
         "100 % confirms the other sign: check whether corrections or errors were published.",
     ),
 }
+_GIVEN = _Kind(
+    "The given {given} contradicts the block: it looks wrong by {size}",
+    "Check the value and its σ (adjustment.priors, or the calibration in the registry).",
+)
 _IMAGE_ERRORS = _Kind(
     "The images of camera {entity} have systematic errors that no estimated parameter describes: {size}",
     "Free additional parameters (adjustment.self_calibration) or give the known distortion.",
@@ -169,6 +173,8 @@ def _runner_up(alternatives: pd.DataFrame) -> str:
 
 def _kind_and_axis(quantity: str) -> tuple[str, str]:
     """The kind of a quantity and its axis; of an additional parameter its set and name."""
+    if quantity.startswith(PRIOR):
+        return quantity, ""
     if quantity in COMPONENTS:
         return COMPONENTS[quantity].kind.name, COMPONENTS[quantity].axis
     if quantity in _QUANTITIES:
@@ -186,9 +192,10 @@ def _finding(
 ) -> ModelFinding:
     kind, entity, scope, part = key
     moving = max(rows, key=lambda row: float(str(row["moved_by_estimate"])))
-    words = _KINDS.get(kind, _IMAGE_ERRORS)
+    words = _GIVEN if kind.startswith(PRIOR) else _KINDS.get(kind, _IMAGE_ERRORS)
     text = words.words.format(
         entity=entity,
+        given=entity_words(kind.removeprefix(PRIOR), entity),
         of_entity=f" of flight {entity}" if entity else "",
         where=where(scope, part),
         size=", ".join(map(_displacement if words.place else _size, rows))

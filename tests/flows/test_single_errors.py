@@ -156,6 +156,27 @@ def test_positions_that_drift_along_a_strip_are_one_cause(
     assert np.isfinite(table.loc[table["quantity"].str.startswith("gnss_drift"), "t"]).all()
 
 
+@pytest.mark.parametrize("wrong_mm", [0.0, 0.15])
+def test_a_given_value_that_contradicts_is_named_and_not_the_lever_arm(
+    flight: Path, tmp_path: Path, wrong_mm: float
+) -> None:
+    """σ 4 µm; without this alternative a lever arm of −0.4 m was blamed, and nothing said of the prior."""
+    overrides = (
+        'adjustment.free=["boresight", "gnss_shift", "principal_point"]',
+        f"cameras.DMC-120.principal_point_mm=[{wrong_mm}, 0.0]",
+        "adjustment.priors.principal_point_mm=[0.004, 0.004]",
+    )
+    outcome = carry_out(adjustment_alone, RunRequest(flight, tmp_path / "results", overrides=overrides))
+    assert outcome.error is None, outcome.error
+    table = pd.read_parquet(outcome.directory / "model_alternatives.parquet")
+    found = table[table["rank"] > 0]
+    assert list(found["quantity"]) == (["prior_principal_point_x"] if wrong_mm else [])
+    if wrong_mm:
+        (size, sigma) = found[["explained", "explained_sigma"]].to_numpy()[0]
+        assert abs(size - wrong_mm) < 3.0 * sigma
+        assert sigma < 0.1 * wrong_mm
+
+
 def test_estimated_drifts_are_no_alternatives(flight: Path, tmp_path: Path) -> None:
     free = (
         'adjustment.free=["gnss_shift", "gnss_drift"]',

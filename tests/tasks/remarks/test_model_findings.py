@@ -82,6 +82,19 @@ def test_a_wrong_place_is_said_in_directions() -> None:
     assert strip.sentence.startswith("The GNSS positions in strip E03 are 0.1 ± 0.01 m too far south ")
 
 
+def test_each_given_value_that_contradicts_is_a_cause_of_its_own() -> None:
+    rows = [
+        row("prior_principal_point_x", 1, 0.147, unit="mm", entity="UCE", explained_sigma=0.004),
+        row("prior_gnss_strip_bias_y", 2, -0.3, entity="E03"),
+    ]
+    camera, strip = model_findings(pd.DataFrame(rows))
+    assert camera.sentence.startswith(
+        "The given principal point x of UCE contradicts the block: it looks wrong by +147 ± 4 µm (t = 36.8"
+    )
+    assert "Check the value and its σ (adjustment.priors" in camera.sentence
+    assert strip.sentence.startswith("The given GNSS strip bias y of strip E03 contradicts the block: ")
+
+
 def test_a_finding_stands_beside_the_likeliest_that_is_none() -> None:
     rows = [
         row("control_point_z", 1, 0.25, entity="C051"),
