@@ -30,7 +30,10 @@ def variance_figures(result: AdjustmentResult) -> JSON:
 
 
 def _row(result: AdjustmentResult, component: VarianceComponent) -> ComponentFigure:
-    unit, factor = reported_unit_of(result.groups[component.part.group].group)
+    """The median σ only where all components have one unit: those of known calibrations have several."""
+    group = result.groups[component.part.group].group
+    units = {reported_unit_of(group, number) for number in component.part.components}
+    unit, factor = units.pop() if len(units) == 1 else ("", float("nan"))
     return ComponentFigure(
         part=component.part.name,
         estimated=component.estimated,

@@ -16,10 +16,11 @@ def variance_sentences(figures: VarianceFigures | None) -> Iterator[str]:
         lower = item.factor_lower or 0.0
         upper = inf if item.factor_upper is None else item.factor_upper
         if item.estimated and not lower <= 1.0 <= upper:
+            median = "" if item.sigma is None else f", in the median {item.sigma:.3g} {item.unit}"
             yield (
                 f"The stated σ of {part_words(item.part)} do not agree with the residuals: they are "
-                f"{item.factor:.2f} ({lower:.2f} to {upper:.2f}) times as large, "
-                f"in the median {item.sigma:.3g} {item.unit}; the adjustment uses these."
+                f"{item.factor:.2f} ({lower:.2f} to {upper:.2f}) times as large{median}; the adjustment uses "
+                "these."
             )
     kept = [part_words(item.part) for item in figures.components if not item.estimated]
     if kept:

@@ -203,7 +203,10 @@ class RestoredGroup(Figure):
 
 
 class ComponentFigure(Figure):
-    """The factor of the stated σ of a part of the observations; limits are null where it is not estimated."""
+    """The factor of the stated σ of a part of the observations; limits are null where it is not estimated.
+
+    Its median σ is null and has no unit where its components have several.
+    """
 
     part: str
     estimated: bool

@@ -9,12 +9,18 @@ import pandas as pd
 import pytest
 
 from adjust.adjustment import adjust_block
+from adjust.observations.base import StochasticModel
 from adjust.observations.image_point import ImagePoints
+from adjust.observations.joint_prior import JointPrior
 from adjust.options import AdjustmentOptions
+from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM, ParameterPlace
 from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
 from tasks.evaluation.adjustment_figures import adjustment_figures
 from tasks.evaluation.result_tables import AdjustedBlock
+from tasks.evaluation.variance_figures import variance_figures
+from tasks.remarks.observation_sigmas import variance_sentences
+from tasks.results.figures import ComponentFigure, VarianceFigures
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.coordinates import ELLIPSOIDAL
 from tests.adjust.scenes import two_strips
@@ -51,3 +57,29 @@ def test_sigma0_in_pixels_is_in_those_of_the_camera_of_each_ray(adjusted: Adjust
         replace(adjusted, block=block, result=result), AdjustmentSettings(), pd.DataFrame()
     )
     assert found["sigma0_px"] == pytest.approx(0.25 * result.test.sigma0)
+
+
+def test_values_of_several_units_have_no_common_median_sigma() -> None:
+    """A calibration observed with c in m and boresight in rad: 35 µm was said of 0.002° and 50 µm."""
+    scene = two_strips(noise_seed=5, free={BORESIGHT: True, INTERIOR_ORIENTATION: True, LEVER_ARM: True})
+    places = tuple(
+        ParameterPlace(family, 0, k) for family in (INTERIOR_ORIENTATION, BORESIGHT) for k in range(3)
+    )
+    values = {item.family.name: item.values for item in scene.block.system}
+    given = np.array([[values[family][entity, k] for family, entity, k in places]])
+    model = StochasticModel.from_sigma(np.array([[50e-6] * 3 + [35e-6] * 3]))
+    prior = JointPrior("camera", ("p",) * 6, ("m",) * 3 + ("rad",) * 3, places, given, model)
+    observations = replace(scene.observations, others=(*scene.observations.others, prior))
+    result = adjust_block(scene.block, observations, AdjustmentOptions(variance_components=True))
+    rows = {row["part"]: row for row in variance_figures(result)["components"]}  # type: ignore[index,call-overload]
+    figure = ComponentFigure(**rows["prior:calibration:camera"])
+    assert figure.unit == ""
+    assert figure.sigma is None or np.isnan(figure.sigma)  # null when it is written
+    assert rows["image_points"]["unit"] == "um"
+    assert rows["image_points"]["sigma"] == pytest.approx(2.0 * rows["image_points"]["factor"])
+    assert rows["ins_attitudes yaw"]["unit"] == "deg"
+    changes = {"estimated": True, "factor": 2.0, "factor_lower": 1.5, "factor_upper": 2.5, "sigma": None}
+    estimated = figure.model_copy(update=changes)
+    figures = VarianceFigures(rounds=3, confidence=0.95, components=(estimated,))
+    (sentence,) = variance_sentences(figures)
+    assert "2.00 (1.50 to 2.50) times as large; the adjustment uses these." in sentence
