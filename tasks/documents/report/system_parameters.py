@@ -35,6 +35,11 @@ def parameter_table(material: Material) -> Table:
     if eliminated:
         were = "additional parameter was" if eliminated == 1 else "additional parameters were"
         notes.append(f"{eliminated} {were} eliminated (see self-calibration).")
+    if material.figures.calibration is not None:
+        notes.append(
+            "σ, t and status are those of this adjustment alone; the certificate tests with its larger σ, to "
+            "which the parameters held fixed contribute."
+        )
     shown = (
         text_of("parameter", "parameter", lambda row: quantity_words(row["parameter"])),
         text_of("entity", "of"),

@@ -23,7 +23,7 @@ PARAMETERS = TableSchema(
         *OWNER,
         number("value", "see unit", "adjusted value"),
         number("change", "see unit", "adjusted minus initial value"),
-        number("sigma", "see unit", "standard deviation", nullable=True),
+        number("sigma", "see unit", "standard deviation of this adjustment alone", nullable=True),
         number("sigma_prior", "see unit", "standard deviation of the given initial value", nullable=True),
         number(
             "sigma_over_prior",
@@ -32,10 +32,11 @@ PARAMETERS = TableSchema(
             nullable=True,
         ),
         text("unit", "unit of value, change and the sigmas"),
-        number("t", "", "change divided by its standard deviation", nullable=True),
+        number("t", "", "change divided by sigma", nullable=True),
         text(
             "status",
-            "assessment of the parameter",
+            "assessment of the parameter, with t at the project's confidence; a calibration's certificate "
+            "tests with its larger σ, to which parameters held fixed contribute",
             values=(
                 "significant",
                 "not_significant",

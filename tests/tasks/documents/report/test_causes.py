@@ -14,6 +14,7 @@ from tasks.documents.report.causes import by_place, causes, remarks
 from tasks.documents.report.first_screen import cards, places, ring_id
 from tasks.documents.report.key_figures import verdict
 from tasks.documents.report.material import Material
+from tasks.documents.report.system_parameters import parameter_table
 from tasks.files.json_text import JSON
 from tasks.remarks.adjustment import global_test_words, misfit_words, rejected_control_words
 from tasks.results.figures import GlobalTestFigure, GroupFigure
@@ -393,3 +394,18 @@ def test_what_concerns_one_place_stands_together_and_counts_once() -> None:
     found = causes(material)
     assert by_place(found) == {"strip A": ("It is shifted.", "It is turned.")}
     assert "one thing contradicts the rest" in verdict(material, found).sentence
+
+
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_the_report_of_a_calibration_says_whose_significance_it_shows(calibrated: bool) -> None:
+    columns = ("parameter", "entity", "unit", "status", "value", "sigma", "change", "t", "sigma_prior")
+    rows = [("boresight_roll", "C", "deg", "significant", 0.1, 0.01, 0.1, 10.0, np.nan)]
+    figures: JSON = {
+        "verdict": "accepted", "directions": "", "heights": "", "parameters": [], "releases": [],
+    }  # fmt: skip
+    material = dataclasses.replace(
+        _material(_residuals({}), {"calibration": figures} if calibrated else None),
+        parameters=pd.DataFrame(rows, columns=columns),
+    )
+    note = parameter_table(material).note
+    assert ("the certificate tests with its larger σ" in note) == calibrated
