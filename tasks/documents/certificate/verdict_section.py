@@ -59,7 +59,9 @@ def limit_table(material: CertificateMaterial) -> Table:
         *_of_gates(material),
     )
     note = (
-        "σ as certified, including the parameters that were held fixed. A calibration that meets these "
+        "σ as certified, including the parameters that were held fixed. The global test does not decide: "
+        "with many degrees of freedom it fails where σ0 differs from 1 by far less than matters; the σ0 of "
+        "each group of observations decides. A calibration that meets these "
         "limits may still be refused because of its check points, the second step or suspected errors in the "
         "deliveries; the reasons are given on the first page."
     )
@@ -73,8 +75,9 @@ def _row(
     bounds: tuple[float | None, float | None],
     unit: str = "",
     decimals: int = 2,
+    decides: bool = True,
 ) -> Row:
-    """A figure with its lower and upper limit; a missing one meets none."""
+    """A figure with its lower and upper limit; a missing one meets none, and refuses where that decides."""
     lower, upper = bounds
     kept = value is not None and (lower is None or value >= lower) and (upper is None or value <= upper)
     cells = (
@@ -83,7 +86,7 @@ def _row(
         "" if lower is None else Number(lower, decimals),
         "" if upper is None else Number(upper, decimals),
         unit,
-        "met" if kept else "not met",
+        "met" if kept else "not met" if decides else "not met, not decisive",
     )
     return Row(key, cells)
 
@@ -160,7 +163,7 @@ def _of_global_test(material: CertificateMaterial) -> Iterator[Row]:
     test, sigma0 = material.results.figures.global_test, material.results.summary.sigma0
     if test is not None and test.lower is not None and test.upper is not None:
         words = f"σ0 of the adjustment, global test at {100 * test.confidence:g} %"
-        yield _row("global_test", words, sigma0, (test.lower, test.upper), decimals=3)
+        yield _row("global_test", words, sigma0, (test.lower, test.upper), decimals=3, decides=False)
 
 
 def _of_model(material: CertificateMaterial, limits: AcceptanceLimits) -> Iterator[Row]:

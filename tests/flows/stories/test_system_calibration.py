@@ -291,6 +291,8 @@ def test_the_certificate_holds_every_sigma_against_its_limit(
     assert sigma is not None
     assert (value["value"], limit["value"]) == (pytest.approx(1e3 * sigma), pytest.approx(2.0))
     assert {"headings", "height_ratio", "global_test", "sigma0:ins_attitudes"} <= set(rows)
+    # What decides is met in all accepted calibrations.
+    assert not any(cells[-1] == "not met" for cells in rows.values())
     assert set(record.software) >= {"aerocal", "numpy", "scipy", "numba", "pyarrow"}
 
 

@@ -191,6 +191,11 @@ def test_limits_are_kept_or_not_as_their_figures_say(calibration: Calibration) -
     assert [found[f"sigma0:{name}"].cells[-1] for name in ("image_points", "gnss_positions")] == ["met"] * 2
     gate = found["rmse_control_m_x:max"]
     assert (str(gate.cells[3]), gate.cells[4], gate.cells[5]) == ("0.100", "m", "met")
+    assert found["global_test"].cells[-1] == "met"
+    # It refuses nothing, so that an accepted calibration has no limit that is simply not met.
+    off = material.results.summary.model_copy(update={"sigma0": 1.2})
+    failed_test = limits(replace(material, results=replace(material.results, summary=off)))
+    assert failed_test["global_test"].cells[-1] == "not met, not decisive"
     residuals = material.results.residuals.astype({"status": str})
     own = residuals.index[residuals["group"] == "gnss_positions"]
     residuals.loc[own[: 3 * 14], "status"] = "rejected"
