@@ -215,6 +215,7 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
             item.redundancy,
             item.standardized,
             item.detectable,
+            item.control,
             _status(left, mask, item),
             item.weighted_squares,
         )

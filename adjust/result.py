@@ -19,7 +19,6 @@ from adjust.parameters import InnerConstraints, ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.control_checks import ControlCheck
 from adjust.quality.correlation_time import CorrelationTime
-from adjust.quality.detectability import NON_CENTRALITY
 from adjust.quality.global_test import GlobalTest
 from adjust.quality.joint_cofactor import JointCofactor
 from adjust.quality.variance_components import VarianceComponent
@@ -59,6 +58,7 @@ class GroupResult:
     redundancy : redundancy numbers; NaN for what is not used.
     standardized : w for an a-priori σ0 of 1; NaN for what is not used.
     detectable : minimal detectable bias, SI and radians; NaN for what is not used.
+    control : σ² (P Q_vv P)_ii, without correlations the redundancy number; NaN for what is not used.
     status : values of :class:`ObservationStatus`.
     weighted_squares : vᵀPv of the group.
     """
@@ -69,6 +69,7 @@ class GroupResult:
     redundancy: Floats
     standardized: Floats
     detectable: Floats
+    control: Floats
     status: Ints
     weighted_squares: float
 
@@ -93,8 +94,8 @@ class GroupResult:
     def external(self) -> Floats:
         """External reliability δ̄ (n, m): effect on the results of an undetected error of detectable size.
 
-        δ̄² = ∇₀² P_ii − δ0², for uncorrelated components δ0² (1 − r)/r: no function of the unknowns moves by
-        more than δ̄ of its own standard deviation (Baarda 1968). NaN where ∇₀ is.
+        δ̄² = ∇₀² (P A Q Aᵀ P)_ii, for uncorrelated components δ0² (1 − r)/r: no function of the unknowns moves
+        by more than δ̄ of its own standard deviation (Baarda 1968). NaN where ∇₀ is.
         """
         return self.external_of(np.arange(len(self.detectable)))
 
@@ -103,9 +104,10 @@ class GroupResult:
         model = self.group.stochastic
         if model.over_time is not None:  # the weights depend on who the neighbours are
             model = model.without((self.status == ObservationStatus.REJECTED).any(axis=1))
-        weight = model.weight_diagonal(observations)
-        squares = self.detectable[observations] ** 2 * weight - NON_CENTRALITY**2
-        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+        with np.errstate(invalid="ignore"):
+            scatter = self.control[observations] / model.sigma[observations] ** 2
+        fitted = model.weight_diagonal(observations) - scatter
+        return np.asarray(self.detectable[observations] * np.sqrt(np.maximum(fitted, 0.0)))
 
     @property
     def redundancy_sum(self) -> float:

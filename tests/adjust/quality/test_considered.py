@@ -29,10 +29,12 @@ from adjust.parameters import (
 from adjust.quality.considered import contradiction_of_prior, with_considered
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.control_checks import k_fold, leave_one_out
+from adjust.quality.detectability import NON_CENTRALITY
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.quality.model_alternatives import ParameterAlternative
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
 from adjust.quality.robust import studentized
+from adjust.result import ObservationStatus
 from adjust.solve.design_matrix import (
     DesignMatrix,
     design_matrix,
@@ -414,6 +416,25 @@ def test_alternatives_are_tested_with_what_errors_of_the_parameters_explain(case
         np.diagonal(tests.normal)[told], np.diagonal(moved.T @ spread @ moved)[told], rtol=1e-4
     )
     np.testing.assert_allclose(tests.score[told], (moved.T @ spread @ residual)[told], rtol=1e-2, atol=1e-3)
+
+
+def test_external_reliability_is_the_largest_effect_of_an_undetected_error(case: Dense) -> None:
+    """∇₀ e_i moves the unknowns by Q Aᵀ P e_i ∇₀, which is largest, in σ, along itself."""
+    block, observations = case.adjusted.system.block, case.adjusted.observations
+    result = adjust_block(block, observations)
+    hat = case.a @ case.q @ case.a.T
+    larger = 0.0
+    for number, group in enumerate(result.groups):
+        rows = slice(*case.design.row_start[number : number + 2])
+        whitener = whitening_matrix(group.group.stochastic).toarray()
+        fitted = np.diagonal(whitener.T @ hat[rows, rows] @ whitener).reshape(group.detectable.shape)
+        used = group.status == ObservationStatus.USED
+        expected = (group.detectable * np.sqrt(fitted))[used]
+        np.testing.assert_allclose(group.external[used], expected, rtol=1e-3)
+        weight = np.diagonal(whitener.T @ whitener).reshape(group.detectable.shape)
+        of_baarda = np.sqrt(group.detectable**2 * weight - NON_CENTRALITY**2)[used]
+        larger = max(larger, float((of_baarda / expected).max(initial=0.0)))
+    assert larger > 1.05, "errors of the calibration take part in the size, not in the effect of an error"
 
 
 def test_a_free_network_has_the_errors_in_its_datum() -> None:
