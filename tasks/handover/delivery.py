@@ -97,6 +97,7 @@ class DeliveryFormat:
     points : whether it takes image points, object points, or surveyed points.
     corrected : whether its image points are corrected by additional parameters and mean residuals; they count
         from the principal point then.
+    surveyed : which control and check points it can have: none, complete ones, or all (not in a local world).
     straight : whether they are freed of refraction, too, and count from the format centre.
     grid : whether it takes distortion grids.
     oriented : whether it has orientations or points, and so a world.
@@ -113,6 +114,7 @@ class DeliveryFormat:
     lens: tuple[str, ...] = ()
     points: bool = False
     corrected: bool = False
+    surveyed: Literal["none", "complete", "all"] = "complete"
     straight: bool = False
     grid: bool = False
     oriented: bool = True

@@ -58,6 +58,7 @@ def statement(delivery: Delivery, form: DeliveryFormat, *, adjusted: bool = True
         *_about_mean_residuals(delivery, form),
         *_about_grids(delivery, form),
         *_about_blanks(delivery, form),
+        *_about_incomplete(delivery, form),
         *(_about_fit(delivery) if form.oriented else ()),
     ]
     if not form.seen:
@@ -224,6 +225,19 @@ def _about_blanks(delivery: Delivery, form: DeliveryFormat) -> list[str]:
     return [
         f"OpenDroneMap ends the names of images at a blank ({blank[0]}): geo.txt is not written, and it does "
         "not find these images in gcp_list.txt. Rename them before the adjustment if it is to use the lists."
+    ]
+
+
+def _about_incomplete(delivery: Delivery, form: DeliveryFormat) -> list[str]:
+    """Of surveyed points that the format cannot have."""
+    given = delivery.points.surveyed.in_map
+    lacking = int(np.isnan(given).any(axis=1).sum())
+    has_all = form.surveyed == "all" and delivery.handed.world != "local"
+    if not lacking or has_all or form.surveyed == "none":
+        return []
+    return [
+        f"{lacking:,} of {len(given):,} surveyed points lack a coordinate, which this format does not "
+        "support: they are not written as control or check points."
     ]
 
 

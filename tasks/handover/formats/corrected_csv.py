@@ -40,11 +40,14 @@ def write_corrected_csv(delivery: Delivery) -> Files:
         )
     surveyed = delivery.points.surveyed
     if surveyed.names:
+        place = surveyed_points(delivery)
+        # In a local frame a point that lacks a coordinate has none.
+        placed = np.flatnonzero(np.isfinite(place).any(axis=1))
         files["control_points.csv"] = _points(
-            surveyed.names,
-            surveyed_points(delivery),
-            surveyed.sigma,
-            ["check" if check else "control" for check in surveyed.check],
+            [surveyed.names[k] for k in placed],
+            place[placed],
+            surveyed.sigma[placed],
+            ["check" if check else "control" for check in surveyed.check[placed]],
         )
     return files
 

@@ -43,6 +43,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             seen=True,
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
             points=True,
+            surveyed="none",
             rigs="all",
         ),
         DeliveryFormat(
@@ -80,6 +81,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             "1e-5 m, 1e-12 of a rotation; control 1e-4 m, image points 1e-4 µm",
             points=True,
             corrected=True,
+            surveyed="all",
         ),
         DeliveryFormat(
             "bingo",
@@ -97,6 +99,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             Freed(focal_length=True),
             points=True,
             corrected=True,
+            surveyed="all",
             straight=True,
         ),
     )

@@ -83,6 +83,7 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             "17 digits",
             seen=True,
             points=True,
+            surveyed="all",
         ),
         DeliveryFormat(
             "nerfstudio",

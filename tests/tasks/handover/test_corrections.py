@@ -12,14 +12,16 @@ from scipy.interpolate import RegularGridInterpolator
 
 from adjust.geometry.rotation import from_omega_phi_kappa
 from adjust.handover.cartesian_map import EARTH_RADIUS_M, CartesianMap, Pose, projected
+from adjust.handover.refit import Freed
 from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.image_correction import CorrectionField
 from tasks.coordinates.local_frame import local_from_grid, local_from_map
 from tasks.errors import InputError
+from tasks.formats.native_csv import read_csv_control
 from tasks.handover.block_points import no_points
 from tasks.handover.delivery import Delivery
 from tasks.handover.distortion_grid import distortion_grids
-from tasks.handover.formats.exchange import LENS
+from tasks.handover.formats.exchange import EXCHANGE, LENS
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.lens import lens_models
 from tasks.handover.receiver import hand_over
@@ -213,6 +215,30 @@ def test_mean_residuals_of_the_shape_of_a_lens_are_in_its_coefficients(refracted
         # Between sub-areas the grid is bilinear, at the borders it is constant.
         assert moved.models[k].misfit_um < plain.models[k].misfit_um + 0.5
         assert abs(moved.models[k].distortion["k1"] - plain.models[k].distortion["k1"]) > 1e-5
+
+
+def test_the_statement_says_how_many_surveyed_points_the_format_cannot_have():
+    """One of three lacks its height; in a local frame it has no place at all."""
+    results, points = flown(Flight())
+    said = "1 of 3 surveyed points lack a coordinate"
+    lack = set()
+    for name, form in EXCHANGE.items():
+        delivery = delivered(results, points, name)
+        if said in " ".join(statement(delivery, form).split()):
+            lack.add(name)
+    assert lack == {"blocks-exchange", "opensfm", "opf", "openmvg", "bingo"}
+    local = replace(delivered(results, points, "corrected-csv"), handed=hand_over(results, "local", Freed()))
+    assert said in " ".join(statement(local, EXCHANGE["corrected-csv"]).split())
+
+
+def test_the_control_points_of_a_local_frame_can_be_read_again(tmp_path):
+    results, points = flown(Flight())
+    local = replace(delivered(results, points, "corrected-csv"), handed=hand_over(results, "local", Freed()))
+    file = tmp_path / "control_points.csv"
+    file.write_text(EXCHANGE["corrected-csv"].write(local)["control_points.csv"])
+    records = read_csv_control(file)
+    assert records.point.to_pylist() == list(points.surveyed.names[:2])
+    np.testing.assert_allclose(records.position, points.surveyed.local[:2], rtol=0, atol=1e-4)
 
 
 def test_the_statement_says_which_lists_of_opendronemap_lack_names_with_blanks():
