@@ -25,6 +25,7 @@ import numpy as np
 from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
+from tasks.formats.crs_definition import WELL_KNOWN
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.named_entries import ImagesByName
@@ -268,9 +269,7 @@ def _reference(
     place = _ENU.match(text)
     if place is not None:
         return None, (float(place.group(1)), float(place.group(2)))
-    if text.upper().startswith("EPSG:") or text.startswith(
-        ("+proj=", "PROJCS", "GEOGCS", "PROJCRS", "GEOGCRS")
-    ):
+    if text.upper().startswith("EPSG:") or text.startswith(("+proj=", *WELL_KNOWN)):
         return text, None
     raise Location(path).error(
         f"The reference system '{text[:40]}' is not supported.", "Export the block in an EPSG system."

@@ -16,6 +16,9 @@ network.set_network_enabled(active=False)  # type: ignore[attr-defined]  # pypro
 # "+init=FILE:…", "+nadgrids=FILE", PARAMETERFILE["…","FILE"].
 _NAMES_FILE = re.compile(r"\binit\s*=|grids\s*=|PARAMETERFILE", re.IGNORECASE)
 
+#: How the text of a CRS begins, horizontal or with heights.
+WELL_KNOWN = ("PROJCS", "GEOGCS", "COMPD_CS", "PROJCRS", "GEODCRS", "GEOGCRS", "COMPOUNDCRS")
+
 
 def known_crs(name: str) -> pyproj.CRS:
     """The CRS of a name, code, WKT or PROJ string.

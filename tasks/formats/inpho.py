@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from tasks.errors import Location
+from tasks.formats.crs_definition import WELL_KNOWN
 from tasks.formats.long_columns import LongNames, table_of
 from tasks.formats.named_entries import NotTaken
 from tasks.formats.plain_lines import numbered_lines
@@ -197,7 +198,7 @@ def _is_given(number: str) -> bool:
 
 def _well_known_text(block: _Block) -> str | None:
     text = " ".join(block.words("COORDINATE_SYSTEM"))
-    return text if text.startswith(("PROJC", "GEOGC", "PROJCRS", "GEODCRS", "GEOGCRS")) else None
+    return text if text.startswith(WELL_KNOWN) else None
 
 
 def read_inpho_image_points(path: Path) -> ImagePointRecords:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pyproj
 import pytest
 
 from adjust.geometry.rotation import about_x, about_y, about_z, from_omega_phi_kappa
@@ -342,6 +343,15 @@ ANGLES = "<Omega>0.0123</Omega><Phi>-0.2231</Phi><Kappa>89.7654</Kappa>"
 
 def blocks(file, rotation=ANGLES, axes="XRightYUp", srs="EPSG:32632"):
     return file(BLOCKS.format(rotation=rotation, axes=axes, srs=srs))
+
+
+@pytest.mark.parametrize("version", ["WKT1_GDAL", "WKT2_2019"])
+def test_a_crs_with_heights_is_stated(file, version):
+    text = pyproj.CRS("EPSG:25832+7837").to_wkt(version)
+    assert blocks_exchange.read_blocks_exposures(blocks(file, srs=text), ORDER).states.crs == text
+    project = INPHO.replace('PROJCS["x"]', text)
+    assert inpho.read_inpho_exposures(file(project), ORDER).states.crs == text
+    assert inpho.read_inpho_control(file(project)).states.crs == text
 
 
 def test_a_block_in_our_axes_has_the_angles_that_stand_there(file):
