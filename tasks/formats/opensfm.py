@@ -5,7 +5,7 @@
 | ``reconstruction.json`` | shots as longitude, latitude, ellipsoidal height and angles against true north where it has a reference (its frame is east, north, up there), else local; cameras perspective and brown, in pixels; rig cameras and rig instances as heads and events |
 | ``tracks.csv`` | image points from the middle of the image, in parts of its longer side: unit = "longer-side" |
 | ``gcp_list.txt`` | CRS in the first line, then x y z column row image and a name; points without a name are distinguished by their coordinates |
-| ``geo.txt`` | CRS in the first line, then image x y z and, not read, angles |
+| ``geo.txt`` | CRS in the first line, then image x y z, angles, which are not read, and accuracies in plan and height |
 
 A point of ``gcp_list.txt`` whose name begins with ``CHK-`` is a check point. Names may have blanks if tabulators
 separate the fields.
@@ -53,6 +53,8 @@ from tasks.formats.text_table import read_bytes
 from tasks.plain_text import quoted
 
 _CHECK = "CHK-"
+# Fields of a line of geo.txt that has angles and accuracies.
+_WITH_ACCURACIES = 9
 _UTM = re.compile(r"WGS84\s+UTM\s+(\d{1,2})\s*([NS])", re.IGNORECASE)
 _IMAGE_FILE = re.compile(r"\.(tiff?|jpe?g|png|dng|jp2)$", re.IGNORECASE)
 _TRACKS = re.compile(r"OPENSFM_TRACKS_VERSION_v[12]$")
@@ -259,11 +261,15 @@ def read_odm_geo(path: Path, _order: AngleOrder) -> ExposureRecords:
     """
     crs, rows = _with_crs(path)
     image: list[str] = []
-    position, at = array("d"), array("q")
+    position, sigma, at = array("d"), array("d"), array("q")
     for number, line in rows:
         fields = line.split()
         image.append(fields[0])
         position.extend(numbers_of(path, fields[1:], 3, number, "image, x, y, z"))
+        plan, height = np.nan, np.nan
+        if len(fields) >= _WITH_ACCURACIES:
+            plan, height = numbers_of(path, fields[7:], 2, number, "accuracies in plan and height")
+        sigma.extend((plan, plan, height))
         at.append(number)
     return exposures_of(
         path,
@@ -271,6 +277,7 @@ def read_odm_geo(path: Path, _order: AngleOrder) -> ExposureRecords:
         table_of(position, 3),
         np.full((len(image), 3), np.nan),
         at,
+        sigma_position=table_of(sigma, 3),
         states=FileStatement(crs=crs),
     )
 

@@ -468,3 +468,11 @@ def test_positions_of_a_geo_file_have_no_angles(file):
     records = opensfm.read_odm_geo(file("WGS84\na.jpg 11.5 48.0 600 10 20 30\n"), ORDER)
     assert records.position.tolist() == [[11.5, 48.0, 600.0]]
     assert np.isnan(records.angles).all()
+    assert np.isnan(records.sigma_position).all()
+
+
+def test_accuracies_of_a_geo_file_are_standard_deviations(file):
+    path = file("WGS84\na.jpg 11.5 48.0 600 10 20 30 0.02 0.05\nb.jpg 11.5 48.0 600\n")
+    records = opensfm.read_odm_geo(path, ORDER)
+    np.testing.assert_array_equal(records.sigma_position, [[0.02, 0.02, 0.05], [np.nan] * 3])
+    assert "accuracies" in refused(opensfm.read_odm_geo, file("WGS84\na 1 2 3 4 5 6 x 1\n"), ORDER).what
