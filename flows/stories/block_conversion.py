@@ -19,6 +19,8 @@ def converted_block(
     """Read the deliveries, find approximate values, write the block; also returns what looked wrong."""
     block = prepare_block(project, store)
     outputs = {name: artifact for one in block.stages for name, artifact in one.items()}
-    remarks = tuple(sentence for one in block.stages for sentence in read_notes(one["notes"]).problems)
+    sentences = (sentence for one in block.stages for sentence in read_notes(one["notes"]).problems)
+    # Orientations and control of one file may have the same ones.
+    remarks = tuple(dict.fromkeys(sentences))
     delivered = {path for record in read_records(store.folder) for path in record.inputs}
     return convert_block(outputs, project.project, to, out, world, delivered), remarks

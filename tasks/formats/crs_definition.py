@@ -43,6 +43,22 @@ def known_crs(name: str) -> pyproj.CRS:
     return crs
 
 
+def without_heights(name: str) -> str:
+    """The CRS of a name without the heights that it may include: its code, or else its text.
+
+    Raises
+    ------
+    InputError
+        As of `known_crs`.
+    """
+    crs = known_crs(name)
+    if not crs.is_compound:
+        return name
+    horizontal = crs.sub_crs_list[0]
+    code = horizontal.to_authority()
+    return horizontal.to_wkt() if code is None else ":".join(code)
+
+
 def _names_file(crs: str) -> InputError:
     return InputError(
         "This CRS refers to a file.",

@@ -23,6 +23,7 @@ import numpy as np
 from tasks.errors import Location
 from tasks.files.toml_text import TomlValue, toml_text
 from tasks.formats.colmap_rigs import colmap_rig_files
+from tasks.formats.crs_definition import without_heights
 from tasks.formats.plain_records import NothingInFileError
 from tasks.formats.records import ExposureRecords, HeadRecord, PixelCamera
 from tasks.formats.register import CAMERA_FORMATS, CONTROL_FORMATS, read_exposures
@@ -121,7 +122,7 @@ def project_text(block: RecognisedBlock, name: str, pixel_um: float | None) -> s
         If a file of it cannot be read, or the size of a pixel is missing.
     """
     exposures = read_exposures(block.format, block.exposures, "omega-phi-kappa", TableLayout(), block.rigs)
-    crs = exposures.states.crs or LOCAL
+    crs = _horizontal(exposures.states.crs) or LOCAL
     place: dict[str, TomlValue] = {"crs": crs} if crs == LOCAL else {"crs": crs, "heights": "ellipsoidal"}
     content: dict[str, TomlValue] = {
         "version": 1,
@@ -160,6 +161,11 @@ def _names(block: RecognisedBlock) -> Mapping[str, TomlValue]:
 def _rigs(block: RecognisedBlock, heads: Mapping[str, HeadRecord]) -> Mapping[str, TomlValue]:
     used = block.rigs if block.rigs is not None and heads else ()
     return {"rigs": [str(file.absolute()) for file in used]} if used else {}
+
+
+def _horizontal(stated: str | None) -> str | None:
+    """A stated CRS as a project file may have it; that its heights are others than declared is a remark."""
+    return stated if stated in (None, LOCAL) else without_heights(str(stated))
 
 
 def _crs_of_results(exposures: ExposureRecords, crs: str) -> str:
@@ -203,6 +209,6 @@ def _control(block: RecognisedBlock, place: Mapping[str, TomlValue]) -> dict[str
         found = reader(block.exposures)
     except NothingInFileError:
         return {}
-    stated = found.states.crs
+    stated = _horizontal(found.states.crs)
     own = place if stated is None or stated == place["crs"] else {"crs": stated, "heights": "ellipsoidal"}
     return {"control": {"file": str(block.exposures.absolute()), "format": block.format, **own}}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 import zipfile
 
 import numpy as np
@@ -20,7 +21,9 @@ from tasks.errors import InputError
 from tasks.formats.earth_poses import WGS84
 from tasks.formats.register import CONTROL_FORMATS, EXPOSURE_FORMATS
 from tasks.handover.formats.register import REGISTER
+from tasks.handover.recognised import project_text, recognised
 from tasks.handover.statement import statement
+from tests.tasks.formats.test_classical_formats import ANGLES, BLOCKS
 from tests.tasks.handover.flown_block import GROUND, Flight, delivered, flown
 from tests.tasks.handover.test_ground_through_files import write
 
@@ -139,3 +142,17 @@ def test_a_datum_without_a_way_to_wgs_84_is_refused(name, tmp_path):
     results, points = flown(Flight(longitude_deg=-2.0, crs="EPSG:27700"))
     with pytest.raises(InputError, match="OSGB36 to WGS 84"):
         write(delivered(results, points, name), name, tmp_path)
+
+
+@pytest.mark.parametrize("version", [None, "WKT1_GDAL", "WKT2_2019"])
+def test_a_block_in_a_crs_with_heights_is_declared_in_its_horizontal_part(version, tmp_path):
+    """A project file has no other CRS; that the heights are above the sea is a remark of the import."""
+    name = "EPSG:25832+7837"
+    text = name if version is None else pyproj.CRS(name).to_wkt(version)
+    file = tmp_path / "block.xml"
+    file.write_text(BLOCKS.format(srs=text, axes="XRightYUp", rotation=ANGLES))
+    block = recognised(file)
+    assert block is not None
+    found = tomllib.loads(project_text(block, "block", 5.0))
+    declared = [found["project"], found["inputs"]["exposures"], found["inputs"]["control"]]
+    assert [one["crs"] for one in declared] == ["EPSG:25832"] * 3
