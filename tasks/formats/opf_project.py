@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
+from urllib.parse import unquote
 
 import numpy as np
 import pyproj
@@ -161,9 +162,9 @@ class OpfProject:
         return found
 
     def images(self) -> dict[int, str]:
-        """Identifier → file name."""
+        """Identifier → file name, with the page of a file that has several images."""
         cameras = self.one("camera_list", "camera-list")["cameras"].items()
-        return {one["id"].whole(): PureWindowsPath(one["uri"].text()).name for one in cameras}
+        return {one["id"].whole(): _file_name(one["uri"].text()) for one in cameras}
 
     def sensor_names(self) -> dict[int, str]:
         """Identifier → name, with the identifier where several have the same."""
@@ -171,6 +172,12 @@ class OpfProject:
         names = {one["id"].whole(): one["name"].text() for one in sensors}
         listed = Counter(names.values())
         return {number: name if listed[name] == 1 else f"{name} {number}" for number, name in names.items()}
+
+
+def _file_name(uri: str) -> str:
+    """The name of a file of a URI reference, which has %20 for a blank."""
+    path, mark, page = uri.partition("#")
+    return f"{PureWindowsPath(unquote(path)).name}{mark}{page}"
 
 
 def named(number: JsonValue, names: Mapping[int, str]) -> str:

@@ -7,6 +7,7 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 
 from tasks.errors import Location
 from tasks.files.delivered_file import file_limits
@@ -56,7 +57,8 @@ class PackedFolder:
     def beside(self, name: str, uri: str) -> str:
         """The name of a member to which another one refers by a relative address."""
         parts: list[str] = []
-        for part in [*PurePosixPath(name).parent.parts, *PurePosixPath(uri.replace("\\", "/")).parts]:
+        relative = PurePosixPath(unquote(uri).replace("\\", "/"))
+        for part in [*PurePosixPath(name).parent.parts, *relative.parts]:
             parts = parts[:-1] if part == ".." else [*parts, part]
         return "/".join(parts)
 

@@ -3,6 +3,7 @@
 World is the frame of the adjustment as an engineering CRS, so nothing is approximated. Pixels count from
 the corner of the first one; angles are ω, φ, κ of R = R_x R_y R_z. Surveyed points are in the same frame,
 as control or check points with their marks; a point without one of its coordinates is a manual tie point.
+Images are URI references: a blank is %20, as "#" would begin the number of a page.
 Heads of a rig are sensors with relatives, their events captures; those without an image of the reference
 head are captures of single cameras.
 
@@ -16,6 +17,7 @@ import json
 import uuid
 from collections.abc import Sequence
 from importlib.metadata import version
+from urllib.parse import quote
 
 import numpy as np
 
@@ -31,6 +33,8 @@ from tasks.handover.lens import LensModel
 _VERSION = "1.0"
 # So that the same block has the same identifiers.
 _NAMESPACE = uuid.UUID("6b0a3f0e-52a5-4c4f-9a55-0d6a8f2b7c11")
+# Characters that stay as they are in a URI reference of an image.
+_OF_PATHS = "/\\:"
 #: Item → its files (kind, name), and the items it was made from.
 _ITEMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "camera_list": (("camera-list",), ()),
@@ -77,7 +81,11 @@ def write_opf(delivery: Delivery) -> Files:
     ]
     frame = {"scale": [1.0, 1.0, 1.0], "shift": [0.0, 0.0, 0.0], "swap_xy": False}
     contents: dict[str, dict[str, object]] = {
-        "camera-list": {"cameras": [{"id": k, "uri": name} for k, name in enumerate(delivery.names)]},
+        "camera-list": {
+            "cameras": [
+                {"id": k, "uri": quote(name, safe=_OF_PATHS)} for k, name in enumerate(delivery.names)
+            ]
+        },
         "input-cameras": {"sensors": _sensors(delivery), "captures": _captures(delivery, rigs)},
         "scene-reference-frame": {"crs": crs, "base_to_canonical": frame},
         "input-control-points": {"gcps": gcps, "mtps": mtps},

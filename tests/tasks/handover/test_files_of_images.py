@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from urllib.parse import urlparse
+from urllib.request import url2pathname
 
 import pytest
 
@@ -36,6 +38,24 @@ def test_numbers_behind_a_point_are_no_ending_of_a_file(name):
 def test_images_that_would_share_a_file_are_refused(name):
     with pytest.raises(InputError, match=r"'a/1\.tif' and 'b/1\.tif'"):
         files_of(name, ("2.tif", "a/1.tif", "3.tif", "b/1.tif"))
+
+
+def test_images_of_opf_are_uri_references_as_its_other_programs_read_them(tmp_path):
+    """pyopf takes the path of the URI and decodes it; behind "#" is the page of a file."""
+    names = ("flight ä/1 #2.tif", "100%20.tif", "D:\\x\\3.tif", "4.tif")
+    files = files_of("opf", names)
+    uris = [one["uri"] for one in json.loads(files["camera-list.json"])["cameras"]]
+    assert [url2pathname(urlparse(uri).path) for uri in uris[:2]] == list(names[:2])
+    assert uris[2:] == list(names[2:])
+    (tmp_path / "a.zip").write_bytes(packed(files))
+    found = IMAGE_POINT_FORMATS["opf"](tmp_path / "a.zip").image.to_pylist()
+    assert set(found) == {"1 #2.tif", "100%20.tif", "3.tif", "4.tif"}
+    pages = (
+        files["camera-list.json"].replace(uris[0], "a%20b.tif#page=1").replace(uris[1], "a%20b.tif#page=2")
+    )
+    (tmp_path / "a.zip").write_bytes(packed({**files, "camera-list.json": pages}))
+    found = IMAGE_POINT_FORMATS["opf"](tmp_path / "a.zip").image.to_pylist()
+    assert {"a b.tif#page=1", "a b.tif#page=2"} < set(found)
 
 
 #: Block exchange by paths of files → the file of image points.
