@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
+from urllib.parse import unquote
 
 from tasks.errors import Location
 from tasks.plain_text import quoted, visible
 
 # Of what is not taken over, names that are shown, and their characters.
 _MOST_NAMED, _LONGEST = 30, 60
+
+
+def file_of_uri(uri: str) -> str:
+    """The name of a file of a URI reference, with %20 for a blank; a page of the file is behind "#"."""
+    path, mark, page = uri.partition("#")
+    return f"{PureWindowsPath(unquote(path)).name}{mark}{page}"
 
 
 class ImagesByName:

@@ -14,8 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path, PureWindowsPath
-from urllib.parse import unquote
+from pathlib import Path
 
 import numpy as np
 import pyproj
@@ -24,6 +23,7 @@ from adjust.arrays import Floats, Ints
 from tasks.errors import InputError, Location
 from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
+from tasks.formats.named_entries import file_of_uri
 from tasks.formats.packed_folder import PackedFolder, packed_folder
 
 _EXTENSION = "OPF_mesh_primitive_matches"
@@ -164,7 +164,7 @@ class OpfProject:
     def images(self) -> dict[int, str]:
         """Identifier → file name, with the page of a file that has several images."""
         cameras = self.one("camera_list", "camera-list")["cameras"].items()
-        return {one["id"].whole(): _file_name(one["uri"].text()) for one in cameras}
+        return {one["id"].whole(): file_of_uri(one["uri"].text()) for one in cameras}
 
     def sensor_names(self) -> dict[int, str]:
         """Identifier → name, with the identifier where several have the same."""
@@ -172,12 +172,6 @@ class OpfProject:
         names = {one["id"].whole(): one["name"].text() for one in sensors}
         listed = Counter(names.values())
         return {number: name if listed[name] == 1 else f"{name} {number}" for number, name in names.items()}
-
-
-def _file_name(uri: str) -> str:
-    """The name of a file of a URI reference, which has %20 for a blank."""
-    path, mark, page = uri.partition("#")
-    return f"{PureWindowsPath(unquote(path)).name}{mark}{page}"
 
 
 def named(number: JsonValue, names: Mapping[int, str]) -> str:

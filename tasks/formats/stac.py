@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
+from tasks.formats.named_entries import file_of_uri
 from tasks.formats.packed_folder import is_packed, packed_folder
 from tasks.formats.plain_records import degrees_of_rotations, exposures_of
 from tasks.formats.records import AngleOrder, CameraRecord, ExposureRecords, FileStatement
@@ -124,7 +125,7 @@ def _image(item: JsonValue) -> str:
     assets = [item["assets"][key] for key in given] if isinstance(given, dict) else []
     data = [one for one in assets if one.has("roles") and "data" in map(str, _listed(one["roles"]))]
     chosen = data[:1] or (assets if len(assets) == 1 else [])
-    return PurePosixPath(chosen[0]["href"].text()).name if chosen else item["id"].text()
+    return file_of_uri(chosen[0]["href"].text()) if chosen else item["id"].text()
 
 
 def _listed(value: JsonValue) -> list[object]:

@@ -17,7 +17,6 @@ import json
 import uuid
 from collections.abc import Sequence
 from importlib.metadata import version
-from urllib.parse import quote
 
 import numpy as np
 
@@ -27,14 +26,12 @@ from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.formats.camera_axes import pixels
 from tasks.handover.formats.numbers import in_angles
 from tasks.handover.formats.rigs import WrittenRigs, written_rigs
-from tasks.handover.formats.short_names import tie_names
+from tasks.handover.formats.short_names import tie_names, uri_of
 from tasks.handover.lens import LensModel
 
 _VERSION = "1.0"
 # So that the same block has the same identifiers.
 _NAMESPACE = uuid.UUID("6b0a3f0e-52a5-4c4f-9a55-0d6a8f2b7c11")
-# Characters that stay as they are in a URI reference of an image.
-_OF_PATHS = "/\\:"
 #: Item → its files (kind, name), and the items it was made from.
 _ITEMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "camera_list": (("camera-list",), ()),
@@ -81,11 +78,7 @@ def write_opf(delivery: Delivery) -> Files:
     ]
     frame = {"scale": [1.0, 1.0, 1.0], "shift": [0.0, 0.0, 0.0], "swap_xy": False}
     contents: dict[str, dict[str, object]] = {
-        "camera-list": {
-            "cameras": [
-                {"id": k, "uri": quote(name, safe=_OF_PATHS)} for k, name in enumerate(delivery.names)
-            ]
-        },
+        "camera-list": {"cameras": [{"id": k, "uri": uri_of(name)} for k, name in enumerate(delivery.names)]},
         "input-cameras": {"sensors": _sensors(delivery), "captures": _captures(delivery, rigs)},
         "scene-reference-frame": {"crs": crs, "base_to_canonical": frame},
         "input-control-points": {"gcps": gcps, "mtps": mtps},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from urllib.parse import quote
 
 from tasks.errors import InputError
 from tasks.handover.formats.numbers import table
@@ -35,6 +36,11 @@ def stems(names: Sequence[str]) -> list[str]:
                 entity=f"image {name}",
             )
     return list(image_of)
+
+
+def uri_of(name: str) -> str:
+    """The URI reference of an image, with %20 for a blank; signs of paths stay as they are."""
+    return quote(name, safe="/\\:")
 
 
 def without_blanks(names: Sequence[str], others: str = "") -> list[str]:

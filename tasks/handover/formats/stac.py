@@ -19,7 +19,7 @@ from tasks.files.json_text import from_json
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.footprint import footprints
 from tasks.handover.formats.numbers import ANGLES, METRES, ROTATION, in_angles
-from tasks.handover.formats.short_names import stem
+from tasks.handover.formats.short_names import stem, uri_of
 
 _EXTENSION = "https://stac-extensions.github.io/perspective-imagery/v1.0.0/schema.json"
 _VERSION = "1.0.0"
@@ -85,7 +85,7 @@ def _item(delivery: Delivery, k: int, identifier: str, ring: Floats) -> dict[str
             {"rel": "self", "href": f"./item_{k + 1}.json", "type": "application/geo+json"},
             {"rel": "collection", "href": "./collection.json", "type": "application/json"},
         ],
-        "assets": {"image": {"href": delivery.names[k], "roles": ["data"]}},
+        "assets": {"image": {"href": uri_of(delivery.names[k]), "roles": ["data"]}},
     }
 
 

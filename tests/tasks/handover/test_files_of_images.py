@@ -12,6 +12,7 @@ import pytest
 from tasks.errors import InputError
 from tasks.formats.isat import read_isat_cameras, read_isat_exposures
 from tasks.formats.register import IMAGE_POINT_FORMATS
+from tasks.formats.stac import read_stac_exposures
 from tasks.handover.formats.register import REGISTER
 from tests.tasks.formats.packed_files import packed
 from tests.tasks.handover.flown_block import Flight, delivered, flown
@@ -56,6 +57,14 @@ def test_images_of_opf_are_uri_references_as_its_other_programs_read_them(tmp_pa
     (tmp_path / "a.zip").write_bytes(packed({**files, "camera-list.json": pages}))
     found = IMAGE_POINT_FORMATS["opf"](tmp_path / "a.zip").image.to_pylist()
     assert {"a b.tif#page=1", "a b.tif#page=2"} < set(found)
+
+
+def test_images_of_stac_are_uri_references(tmp_path):
+    files = files_of("stac", ("flight ä/1 #2.tif", "2.tif", "3.tif", "4.tif"))
+    item = json.loads(files["item_1.json"])
+    assert item["assets"]["image"]["href"] == "flight%20%C3%A4/1%20%232.tif"
+    (tmp_path / "item.json").write_text(files["item_1.json"])
+    assert read_stac_exposures(tmp_path / "item.json", "omega-phi-kappa").image.to_pylist() == ["1 #2.tif"]
 
 
 #: Block exchange by paths of files → the file of image points.
