@@ -104,7 +104,8 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         if not title:
             raise Location(path, entry.line).error("The photo has no name.", "Give it a name.")
         image.append(title[0])
-        strip.append(title[2] if len(title) > 2 and title[1].lower() == "strip_id" else None)
+        # The makers describe the word without "_", files have it with.
+        strip.append(title[2] if len(title) > 2 and title[1].lower() in ("strip_id", "stripid") else None)
         named = entry.values.get("camera_name", (0, []))[1]
         camera.append(" ".join(named) or None)
         values.extend(entry.numbers(path, "eo_parameters", 6, "X, Y, Z, ω, φ, κ"))

@@ -263,6 +263,8 @@ def test_photos_of_isat_are_read_with_or_without_colons(file):
     records = isat.read_isat_exposures(file(ISAT), ORDER)
     assert records.angles.tolist() == [[0.01234, -0.2231, 89.7654]]
     assert records.strip.to_pylist() == ["1"]
+    described = file(ISAT.replace("strip_id", "stripid"))
+    assert isat.read_isat_exposures(described, ORDER).strip.to_pylist() == ["1"]
     assert records.sigma_position.tolist() == [[0.021, 0.02, 0.03]]
     assert records.remarks == ("file.txt: not taken over: photo_measurements.",)
     more = ISAT.replace(" camera_name", " camera_orientation: 90\n image_id: a b\n camera_name")
