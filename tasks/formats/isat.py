@@ -141,12 +141,14 @@ def read_isat_control(path: Path) -> ControlRecords:
     """
     point: list[str] = []
     position, at = array("d"), array("q")
+    rest = NotTaken()
     for entry in _entries(path, _POINTS):
         for number, words in entry.rows:
+            rest.add(["fields behind X, Y, Z"] if words[4:] else [])
             point.append(words[0])
             position.extend(numbers_of(path, words[1:], 3, number, "X, Y, Z"))
             at.append(number)
-    return control_of(path, point, table_of(position, 3), at)
+    return control_of(path, point, table_of(position, 3), at, remarks=rest.remarks(path))
 
 
 def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:

@@ -277,6 +277,7 @@ def test_photos_of_isat_are_read_with_or_without_colons(file):
     )
     control = isat.read_isat_control(file("begin control_points\n A 1 2 3 HV\nend control_points\n"))
     assert control.position.tolist() == [[1.0, 2.0, 3.0]]
+    assert control.remarks == ("file.txt: not taken over: fields behind X, Y, Z.",)
 
 
 def test_a_distortion_table_of_isat_is_refused(file):
@@ -403,6 +404,9 @@ def test_camera_control_and_measurements_of_a_block(file):
     np.testing.assert_array_equal(control.position, [[1.0, 2.0, np.nan]])
     np.testing.assert_array_equal(control.sigma, [[0.02, 0.02, np.nan]])
     assert control.role.to_pylist() == ["check"]
+    for text, role in (("1", "check"), ("false", "control"), ("0", "control")):
+        other = file(path.read_text().replace("<CheckPoint>true", f"<CheckPoint>{text}"), "b.xml")
+        assert blocks_exchange.read_blocks_control(other).role.to_pylist() == [role]
     points = blocks_exchange.read_blocks_image_points(path)
     assert points.point.to_pylist() == ["g1", "tie1"]
     assert points.image.to_pylist() == ["a.tif", "b.tif"]
