@@ -8,6 +8,9 @@
 | ``focal/pt3d/x, y`` | principal point, px from the top left corner, y downwards |
 | ``focal/pt3d/z`` | principal distance, px |
 | ``objectif`` | the lens; where it is a length (``123.9mm``), the principal distance must be near it |
+
+Files of real cameras also have ``distortion`` (r3, r5, r7 about a point of symmetry) or ``doublegrid``, and a
+``usefull-frame`` that begins within the sensor: they are refused, unless all of these are zero.
 """
 
 from __future__ import annotations
@@ -47,6 +50,7 @@ def read_ign_camera(path: Path) -> CameraRecord:
     x, y = (_number(root, f"focal/pt3d/{name}", path) for name in "xy")
     focal = _positive(root, "focal/pt3d/z", path)
     pixel_mm = pixel_m * 1e3
+    _refuse_real_camera(root, path)
     _refuse_other_lens(root, focal * pixel_mm, path)
     return CameraRecord(
         columns=columns,
@@ -58,6 +62,24 @@ def read_ign_camera(path: Path) -> CameraRecord:
             round((0.5 * rows - y) * pixel_mm, 12),
         ),
     )
+
+
+def _refuse_real_camera(root: ElementTree.Element, path: Path) -> None:
+    """Refuse a camera that is not virtual: it has distortion, or its image is a part of the sensor."""
+    terms = [f"distortion/{name}" for name in ("r3", "r5", "r7")]
+    distorted = any(_number(root, name, path) for name in terms if root.find(name) is not None)
+    if distorted or root.find("doublegrid") is not None:
+        where = "distortion" if distorted else "doublegrid"
+        raise Location(path).error(
+            f"The camera has distortion (<{where}>), which is not read.",
+            "Declare the camera in the project file, with cameras.NAME.additional_parameters.",
+        )
+    corner = [f"usefull-frame/rect/{name}" for name in "xy"]
+    if any(_number(root, name, path) for name in corner if root.find(name) is not None):
+        raise Location(path).error(
+            "The usable frame does not begin at the corner of the sensor (<usefull-frame>).",
+            "Declare the camera in the project file, with the principal point in its image.",
+        )
 
 
 def _refuse_other_lens(root: ElementTree.Element, focal_mm: float, path: Path) -> None:

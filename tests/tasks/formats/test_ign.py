@@ -159,11 +159,19 @@ def test_a_camera_is_known_by_the_name_in_its_file(file, name, key):
             "80 mm .* differs from that of the lens, 123.9 mm",
         ),
         ("<name>", "<objectif> 40 mm </objectif><name>", "80 mm .* differs from that of the lens"),
+        ("<name>", "<distortion><r3> 1.5e-09 </r3><r5> 0 </r5></distortion><name>", "has distortion"),
+        ("<name>", "<doublegrid><grid_directe/></doublegrid><name>", "distortion .<doublegrid>"),
+        ("<x> 0 </x>", "<x> 12 </x>", "does not begin at the corner"),
     ],
 )
 def test_a_camera_file_that_cannot_be_is_refused(file, old, new, what):
     with pytest.raises(InputError, match=what):
         read_ign_camera(file(CAMERA.replace(old, new)))
+
+
+def test_a_distortion_of_zero_is_none(file):
+    text = CAMERA.replace("<name>", "<distortion><r3> 0.0 </r3><r5> 0 </r5><r7>0</r7></distortion><name>")
+    assert read_ign_camera(file(text)) == read_ign_camera(file(CAMERA))
 
 
 @pytest.mark.parametrize("lens", ["80mm", "80.2 MM", "79.6mm", "Vexcel 123.9", ""])
