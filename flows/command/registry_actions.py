@@ -23,6 +23,7 @@ from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.radiometric import RadiometricResult, changes, read_radiometric
 from tasks.registry.registry import Registry, Signature
+from tasks.registry.shared_numbers import shared_numbers
 from tasks.settings.registry import registry_address
 
 
@@ -41,7 +42,8 @@ def add_calibrations(
     )
     found = opened(address)
     for sealed in records:
-        _say_added(found.add(sealed, signature))
+        added = found.add(sealed, signature)
+        _say_added(added, found.contents().sisters(added.camera))
     if radiometric is not None:
         _say_examined(found.add_radiometric(radiometric, signature), found.radiometric())
     return DONE
@@ -64,7 +66,7 @@ def _say_examined(added: RadiometricResult, known: Sequence[RadiometricResult]) 
     print_listed(console, (one.sentence for one in drifted), "yellow")
 
 
-def _say_added(added: StoredCalibration) -> None:
+def _say_added(added: StoredCalibration, of_camera: Sequence[StoredCalibration]) -> None:
     camera, console = added.camera, Console()
     console.print(
         Text(f"Added as calibration {added.id}, a draft: version {added.version} of {camera.label}.")
@@ -79,6 +81,7 @@ def _say_added(added: StoredCalibration) -> None:
             f"regarded as the same one. Give cameras.{camera.name}.identity and calibrate again."
         )
         console.print(Text(sentence, style="yellow"))
+    print_listed(console, shared_numbers(of_camera), "yellow")
     console.print(Text(f"Next: aerocal registry show {added.id}"))
     console.print(Text(f"      aerocal registry approve {added.id} --from DATE"))
 
@@ -95,6 +98,7 @@ def approve_calibration(
     found = opened(address)
     approval = approval_of(found.contents(), number, Validity(*days), although)
     console = Console()
+    print_listed(console, shared_numbers(found.contents().sisters(approval.chosen.camera)), "yellow")
     show_comparison(approval, console)
     signature = Signature(_person(person), note)
     found.approve(approval, signature, although)

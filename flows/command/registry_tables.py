@@ -34,6 +34,7 @@ from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.radiometric import RadiometricResult, changes
 from tasks.registry.series import ParameterSeries, series_of
+from tasks.registry.shared_numbers import shared_numbers
 
 
 def list_calibrations(camera: str | None, address: str | None, *, as_json: bool) -> int:
@@ -71,6 +72,7 @@ def _print_cameras(items: Sequence[StoredCalibration]) -> None:
         camera = own[-1].camera
         console.print(Text(f"\n{camera.label}", "bold"))
         console.print(Text(f"{camera.product}, {camera.image}", "dim"))
+        print_listed(console, shared_numbers(own), "yellow")
         for mounting in dict.fromkeys(item.camera.mounting for item in own):
             console.print(Text(f"\n{mounting}"))
             console.print(calibrations_table([item for item in own if item.camera.mounting == mounting]))
@@ -116,7 +118,8 @@ def _show_one(item: StoredCalibration, contents: Contents) -> None:
     console, record = Console(), item.record
     console.print(Text(f"\nCalibration {item.id}: {item.camera.label}, version {item.version}", "bold"))
     console.print(_facts(item))
-    print_listed(console, (*record.reasons, *record.remarks), "yellow")
+    of_camera = shared_numbers(contents.sisters(item.camera))
+    print_listed(console, (*record.reasons, *record.remarks, *of_camera), "yellow")
     start = item.approval.validity.start if item.approval and item.approval.validity else None
     before = predecessor(contents, item, Validity(start or item.flown or date.max))
     test = None if before is None else compatibility(record, before.record)

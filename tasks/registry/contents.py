@@ -197,7 +197,8 @@ class Contents:
                 f"Use another serial number, or add {' or '.join(_PRODUCTS)}, or name one calibration ("
                 f"{several}).",
             )
-        return found
+        # Also those in which the camera has another name.
+        return self.sisters(found[0].camera)
 
     def sisters(self, camera: CameraBody) -> tuple[StoredCalibration, ...]:
         """The records of the same camera, oldest first."""

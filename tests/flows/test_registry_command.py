@@ -110,6 +110,47 @@ def test_what_is_exported_has_the_verification_code_and_can_be_added_elsewhere(
     assert digest in other("add", tmp_path / "two.json", "--code", spoken).stdout
 
 
+def test_two_cameras_with_one_serial_number_are_told(console: Console, tmp_path: Path) -> None:
+    registry = Registry.at(registry_address(console.registry))
+    add(registry, record())
+    for number, other in enumerate((record(changed(1)), record(changed(2), name="Second"))):
+        file = tmp_path / f"{number}.json"
+        file.write_text(other.text, encoding="utf-8")
+        said = console("add", file, "--code", other.digest).stdout
+        assert ("1, 2 are of the camera 'UCE'; 3 are of the camera 'Second'" in _joined(said)) == (
+            number == 1
+        )
+    page = tmp_path / "page.html"
+    for what in (
+        ("list",),
+        ("show", "3"),
+        ("show", "UCE"),
+        ("show", "UC-E-1", "--plot", page),
+        ("approve", "3", *FROM),
+    ):
+        assert "All count as those of one camera (body UC-E-1)" in _joined(console(*what).stdout), what
+    assert "All count as those of one camera (body UC-E-1)" in page.read_text()
+
+
+def test_one_serial_number_with_two_images_is_told(console: Console) -> None:
+    registry = Registry.at(registry_address(console.registry))
+    camera = record().camera
+    for number, columns in enumerate((13080, 14592)):
+        of_image = camera.model_copy(update={"columns": columns})
+        add(registry, record(changed(number), camera=of_image))
+    said = _joined(console("list").stdout)
+    assert "1 are of an image of 13080 × 20010 px" in said
+    assert "2 are of an image of 14592 × 20010 px" in said
+    assert "are of the camera" not in said
+
+
+FROM = ("--from", "2025-01-01")
+
+
+def _joined(text: str) -> str:
+    return " ".join(text.split())
+
+
 def test_list_and_show_say_what_there_is(filled: Console) -> None:
     listed = filled("list")
     assert listed.exit_code == 0, listed.stderr

@@ -17,6 +17,7 @@ from tasks.errors import InputError
 from tasks.files.installation import writing_into
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.series import ParameterSeries, series_of
+from tasks.registry.shared_numbers import shared_numbers
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
@@ -59,6 +60,7 @@ def time_series_page(items: Sequence[StoredCalibration]) -> str:
         _TEMPLATES,
         REPORT_TEMPLATES,
         camera=camera,
+        remarks=tuple(shared_numbers(items)),
         items=items,
         panels=panels,
         colours=COLOURS,
