@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import sys
@@ -18,6 +19,8 @@ if sys.platform == "win32":
 from flows.command.interruption import end_on_signals
 from flows.runs.freed_memory import keep_freed_memory
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+
 
 def main() -> None:
     """Run the command line; ends the process with the documented exit code."""
@@ -30,7 +33,44 @@ def _command_line() -> None:
     keep_freed_memory()
     from flows.command.main import app
 
-    app()
+    try:
+        try:
+            app()
+        finally:
+            _flush()
+    except OSError as error:
+        # Of a file there is its name; what was printed has none.
+        if error.errno not in _FULL or error.filename is not None:
+            raise
+        _print_nothing_more()
+        sys.exit(
+            f"Error: What was printed could not be written ({error.strerror}). Free some space and run again."
+        )
+
+
+def _flush() -> None:
+    """Write what was printed, which the interpreter would do with an exit code of its own (120).
+
+    Raises
+    ------
+    OSError
+        If there is no space for it.
+    """
+    try:
+        sys.stdout.flush()
+    except (AttributeError, ValueError):
+        # Closed by whoever started the command.
+        return
+    except OSError as error:
+        if error.errno in _FULL:
+            raise
+        # Closed by whoever read it.
+        _print_nothing_more()
+
+
+def _print_nothing_more() -> None:
+    """Drop what is left in the buffer, so that it does not fail again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -119,6 +119,30 @@ def test_nothing_keeps_a_command_from_ending(start: Start, tmp_path: Path) -> No
         assert ("Traceback" in complained) == (program is DROPPED), program
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device that is always full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [("--version",), ("export",), ("run", "--help")])
+def test_no_space_for_what_is_printed_is_one_sentence(words: tuple[str, ...], unbuffered: str) -> None:
+    command = [sys.executable, "-m", "flows.command", *words]
+    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, env=environment, check=False)
+    assert done.returncode == 1
+    said = done.stderr.decode()
+    assert said.startswith("Error: What was printed could not be written (No space left on device).")
+    assert len(said.splitlines()) == 1, said
+
+
+def test_output_that_nobody_reads_to_its_end_is_no_failure() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    environment = os.environ | {"PYTHONUNBUFFERED": ""}
+    command = [sys.executable, "-m", "flows.command", "export"]
+    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, env=environment, check=False)
+    os.close(writing)
+    assert (done.returncode, done.stderr) in ((0, b""), (1, b""))
+
+
 def test_a_command_in_the_background_of_a_shell_ignores_the_interrupt_key(start: Start) -> None:
     program = (
         "import os, signal\nfrom flows.command.interruption import *\n"
