@@ -53,7 +53,7 @@ def _show(outcome: RunOutcome) -> None:
 
 def _table(rows: Sequence[Mapping[str, JSON]]) -> Table:
     numbers = ("σ0 µm", "/ first", "RMS X", "Y", "Z m")
-    table = screen_table("block", "control", "variant", *numbers, "at the", right=numbers)
+    table = screen_table("block", "control", "variant", *numbers, "at the", right=numbers, whole=("at the",))
     for row in rows:
         names = [str(row[name]) for name in ("block", "control", "variant")]
         if row["status"] != "done":

@@ -21,7 +21,7 @@ from tasks.documents.report.self_calibration import MOST_ROWS
 from tasks.errors import InputError
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
-from tests.tasks.documents.report.page_reader import Page, ReadTable
+from tests.tasks.documents.report.page_reader import Page, ReadTable, ends_of_arrows
 
 SELECTION = "bluh:1-4+9-11+42-45"
 PIXEL = 5.2e-6
@@ -239,6 +239,12 @@ def test_correlations_of_the_heat_map_are_those_of_the_artifact(run: Calibrated)
     titles = re.findall(r"<title>([^<]*) and ([^<]*): ([+-]\d\.\d{3})</title>", run.html)
     assert len(titles) > 10
     assert {(frozenset((one, other)), value) for one, other, value in titles} == expected
+
+
+def test_no_arrow_is_cut_at_the_edge_of_its_drawing(run: Calibrated) -> None:
+    ends = ends_of_arrows(run.html)
+    assert len(ends) > 500
+    assert all(0.0 <= part <= 1.0 for place in ends for part in place)
 
 
 def test_the_page_stays_small(run: Calibrated) -> None:

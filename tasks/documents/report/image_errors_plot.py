@@ -17,9 +17,10 @@ from tasks.document_kit.table import Column, Row, Table, numbers, text_column
 from tasks.documents.report.image_errors import ImageErrors, PartOfErrors, additional_of, correction_um
 from tasks.documents.report.material import Material
 from tasks.documents.report.residual_field import (
+    MARGIN,
     ResidualField,
-    arrow_length,
     field_vectors,
+    longer_arrow,
     residual_fields,
     with_residuals,
 )
@@ -138,21 +139,21 @@ def comparison_plot(pair: BeforeAndAfter) -> Markup | None:
     longest = max(np.nan_to_num(field.mean.largest_um) for field in (pair.before, pair.after))
     if not longest > 0.0:
         return None
-    width = (axes.WIDTH - _GAP) / 2.0
+    width = (axes.WIDTH - 3.0 * MARGIN) / 2.0
     drawn: list[Markup] = []
     bottom, per_um = 0.0, 0.0
     headings = ("without the correction (v + Δ)", "with it (v)")
     for index, (field, words) in enumerate(zip((pair.before, pair.after), headings, strict=True)):
-        left = index * (width + _GAP)
-        plot = FormatPlot.within(field.camera.half_format, left, 32.0, width, 560.0)
+        left = MARGIN + index * (width + MARGIN)
+        plot = FormatPlot.within(field.camera.half_format, left, 20.0 + MARGIN, width, 560.0)
         heading = f"{words}: RMS of the means {mean_rms_um(field):.2f} µm"
-        per_um = 1.4 * arrow_length(field, plot) / longest
+        per_um = longer_arrow(field, plot, 1.4) / longest
         drawn += [
             markup.text(plot.left, 15, heading, "start", "label"),
             plot.frame(),
             *field_vectors(field, field.mean, plot, per_um),
         ]
-        bottom = plot.bottom + 20.0
+        bottom = plot.bottom + MARGIN
     length = round_length(1.5 * longest)
     drawn.append(arrow_scale(4.0, bottom, length * per_um, f"{length:g} µm", "mean"))
     drawn.append(arrow_scale(length * per_um + 110.0, bottom, 24.0, "not significant", "mean weak"))

@@ -21,6 +21,8 @@ from tasks.document_kit.row_table import number_of, table_of, text_of
 from tasks.document_kit.table import Table
 from tasks.documents.report.material import Material
 
+#: Room around each of several plots in a drawing, for arrows that lead out of them.
+MARGIN = 36.0
 _MM = 1e3
 
 
@@ -174,9 +176,19 @@ def field_plot(field: ResidualField, vectors: Vectors, words: str) -> Markup:
 
 def arrow_length(field: ResidualField, plot: FormatPlot) -> float:
     """Length of the longest arrow, drawing units: about a sub-area."""
+    return min(max(0.95 * _shorter_side(field, plot), 14.0), 60.0)
+
+
+def longer_arrow(field: ResidualField, plot: FormatPlot, factor: float) -> float:
+    """`factor` times this length, but never beyond the margin around a plot among others."""
+    return min(factor * arrow_length(field, plot), 0.5 * _shorter_side(field, plot) + MARGIN)
+
+
+def _shorter_side(field: ResidualField, plot: FormatPlot) -> float:
+    """Of a sub-area, drawing units."""
     width = (plot.x.end - plot.x.start) / len(field.x_mm)
     height = (plot.y.start - plot.y.end) / len(field.y_mm)
-    return min(max(0.95 * min(width, height), 14.0), 60.0)
+    return min(width, height)
 
 
 def field_vectors(field: ResidualField, vectors: Vectors, plot: FormatPlot, per_um: float) -> list[Markup]:

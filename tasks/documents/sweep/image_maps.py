@@ -26,10 +26,11 @@ from tasks.document_kit.legend import arrow_scale
 from tasks.documents.report.image_errors import adjusted_focal_length_mm
 from tasks.documents.report.image_errors_plot import mean_rms_um
 from tasks.documents.report.residual_field import (
+    MARGIN,
     ResidualField,
     Vectors,
-    arrow_length,
     field_vectors,
+    longer_arrow,
     residual_field,
 )
 from tasks.quantities import is_additional
@@ -37,7 +38,6 @@ from tasks.sweep.scenario import Computed
 from tasks.tables.parquet import read_table
 
 _PANELS = 3
-_GAP = 24.0
 _UM = 1e6
 _MM = 1e-3
 
@@ -150,23 +150,22 @@ def _panels(
     weak: bool,
 ) -> Markup:
     """Drawings in rows of three, with the scale of the vectors below them."""
-    width = (axes.WIDTH - (_PANELS - 1) * _GAP) / _PANELS
+    width = (axes.WIDTH - (_PANELS + 1) * MARGIN) / _PANELS
     drawn: list[Markup] = []
     top, per_um = 0.0, 0.0
     for first in range(0, len(maps), _PANELS):
         lower = top
         for place, one in enumerate(maps[first : first + _PANELS]):
             field = one.residuals
-            plot = FormatPlot.within(
-                field.camera.half_format, place * (width + _GAP), top + 24.0, width, 420.0
-            )
-            per_um = 1.6 * arrow_length(field, plot) / longest_um
+            left = MARGIN + place * (width + MARGIN)
+            plot = FormatPlot.within(field.camera.half_format, left, top + 20.0 + MARGIN, width, 420.0)
+            per_um = longer_arrow(field, plot, 1.6) / longest_um
             heading, vectors = panel(one, plot, per_um)
             seams = plot.seams(field.seams_x_mm.tolist(), field.seams_y_mm.tolist())
             drawn += [markup.text(plot.left, top + 15, heading, "start", "label"), plot.frame(), seams]
             drawn += vectors
             lower = max(lower, plot.bottom)
-        top = lower + 18.0
+        top = lower + MARGIN + 4.0
     length = round_length(1.5 * longest_um)
     drawn.append(arrow_scale(4.0, top + 8, length * per_um, f"{length:g} µm", "mean"))
     if weak:

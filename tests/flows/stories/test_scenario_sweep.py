@@ -19,7 +19,7 @@ from tasks.document_kit.table import NONE
 from tests.command_line import aerocal
 from tests.conftest import Start
 from tests.flows.serving.test_registered import latest_run
-from tests.tasks.documents.report.page_reader import Page
+from tests.tasks.documents.report.page_reader import Page, ends_of_arrows
 
 AEROCAL = [sys.executable, "-m", "flows.command"]
 
@@ -385,6 +385,10 @@ def test_the_maps_show_the_errors_that_the_parameters_of_a_variant_stand_for(
     x, y = scale * cells["x_mm"], scale * cells["y_mm"]
     error_mm = value * np.hypot(x, y) * (x**2 + y**2 - 128.0**2) / scale
     assert float(of_page[0]) == pytest.approx(1e3 * np.sqrt(np.mean(error_mm**2)), abs=0.006)
+    # None is cut at the edge of its drawing.
+    ends = ends_of_arrows(text)
+    assert len(ends) > 300
+    assert all(0.0 <= part <= 1.0 for place in ends for part in place)
     table = results(out)
     assert table["parameters_kept"].tolist() == [1, 0]
     page = Page(text)

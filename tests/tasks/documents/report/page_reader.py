@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 
@@ -82,3 +83,14 @@ class Page(HTMLParser):
         self.text += data
         if self._cell is not None:
             self._shown += data
+
+
+def ends_of_arrows(page: str) -> list[tuple[float, float]]:
+    """Places of arrows in the drawings of a page, as parts of width and height: 0 to 1 is inside."""
+    places = []
+    for drawing in re.findall(r"<svg.*?</svg>", page, re.DOTALL):
+        (box,) = re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', drawing)
+        for path in re.findall(r'<path[^>]*class="mean[^>]*>', drawing):
+            moves = re.findall(r"[ML](-?[\d.]+),(-?[\d.]+)", path)
+            places += [(float(x) / float(box[0]), float(y) / float(box[1])) for x, y in moves]
+    return places
