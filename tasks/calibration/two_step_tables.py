@@ -52,7 +52,7 @@ def _group_rows(item: CameraDifferences, group: GroupMean) -> pd.DataFrame:
         "all": "all",
         "mounting": str(group.number),
         "flight": item.flight_names[group.number] if group.scope == "flight" else "",
-        "heading": f"{np.rad2deg(group.heading) % 360.0:.0f} deg",
+        "heading": f"{round(float(np.rad2deg(group.heading))) % 360} deg",
         "height": f"{group.height:.0f} m",
     }[group.scope]
     rows = _rows(group.scope, name, group.images, group.strips, group.heading, group.height)

@@ -121,12 +121,14 @@ def _key_of_group(group: StripGroup) -> str:
     return f"level-{group.level + 1}@{group.axis_deg:.0f}"
 
 
-def _words_of_group(group: StripGroup) -> str:
-    return f"level {group.level + 1}, {group.axis_deg:.0f}° and {group.axis_deg + 180.0:.0f}°"
+def axis_words(group: StripGroup) -> str:
+    """The height level and both directions of a group of strips, 0° to 359°."""
+    axis = round(group.axis_deg) % 180
+    return f"level {group.level + 1}, {axis}° and {axis + 180}°"
 
 
 _STRIP_GROUP = (
-    text_of("group", "height level, axis of the strips", _words_of_group),
+    text_of("group", "height level, axis of the strips", axis_words),
     number_of("images", "images"),
     number_of("strips", "strips"),
     number_of("lines", "lines"),

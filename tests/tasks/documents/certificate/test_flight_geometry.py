@@ -8,6 +8,7 @@ import pytest
 
 from tasks.calibration.record import CalibratedCamera
 from tasks.documents.certificate.flight_geometry import StripGroup, strip_groups
+from tasks.documents.certificate.flight_section import axis_words
 from tasks.settings.cameras import CameraIdentity
 
 #: 1,000 × 2,000 px with 0.1 m on the ground: 100 m along the columns, 200 m along the rows.
@@ -88,3 +89,12 @@ def test_crossing_lines_and_single_exposures_are_kept_apart() -> None:
     )
     assert (first.axis_deg, second.axis_deg) == (pytest.approx(0.0), pytest.approx(90.0))
     assert (first.lines, first.spacing_m, first.side_overlap) == (1, None, None)
+
+
+@pytest.mark.parametrize(
+    ("heading", "words"), [(359.7, "0° and 180°"), (0.3, "0° and 180°"), (92.0, "92° and 272°")]
+)
+def test_the_directions_of_strips_are_less_than_a_full_turn(heading: float, words: str) -> None:
+    strips = [strip("a", 0.0, 40.0, heading), strip("b", 100.0, 40.0, heading - 180.0)]
+    (group,) = strip_groups(pd.concat(strips, ignore_index=True), camera())
+    assert axis_words(group) == f"level 1, {words}"
