@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import cast
 
-from rich.console import Console
 from rich.text import Text
 
 from flows.command.exit_code import DEFECT, DONE, OF_STATUS
 from flows.command.progress import show_progress
-from flows.command.screen_table import figure, screen_table
+from flows.command.screen_table import figure, screen, screen_table
 from flows.runs.batch import ProjectEnd, carry_out_batch
 from flows.runs.project_run import RunRequest, StoryName
 from flows.runs.workers import use_cluster
@@ -84,7 +83,7 @@ def _as_json(end: ProjectEnd) -> JSON:
 
 def _show(ends: Sequence[ProjectEnd]) -> None:
     """One line for each project; below, why some have no result."""
-    console = Console()
+    console = screen()
     numbers = ("σ0", "RMS check X", "Y", "Z m")
     table = screen_table("project", "state", *numbers, "gates failed", right=numbers)
     for end in ends:

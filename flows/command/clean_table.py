@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE, remark
-from flows.command.screen_table import screen_table
+from flows.command.screen_table import screen, screen_table
 from flows.runs.clean_up import Act, CleanedFolders, clean_up_below, megabytes
 from tasks.files.json_text import JSON, json_text
 from tasks.results.retention import CleanUp
@@ -22,7 +21,7 @@ def execute_clean_up(folders: Sequence[Path], older_than: int, act: Act, *, as_j
     if as_json:
         print(json_text(_as_json(done), indent=2))
         return DONE
-    console = Console()
+    console = screen()
     if any(one.removed or one.leftovers for one in done.folders):
         console.print(_table(done))
     total, *others = (sentence for sentence in done.sentences)

@@ -6,12 +6,10 @@ import math
 import tempfile
 from pathlib import Path
 
-from rich.console import Console
-
 from flows.command.exit_code import DONE
 from flows.command.export_execution import show_export
 from flows.command.progress import show_progress
-from flows.command.screen_table import print_listed
+from flows.command.screen_table import print_listed, screen
 from flows.runs.project_run import RunRequest
 from flows.stories.block_conversion import converted_block
 from tasks.errors import InputError
@@ -50,7 +48,7 @@ def convert_and_show(
         with run_lock(store.folder.parent):
             store.begin_run()
             written, remarks = converted_block(project, store, to, folder, world)
-    console = Console()
+    console = screen()
     print_listed(console, remarks, "yellow")
     show_export(console, written)
     return DONE

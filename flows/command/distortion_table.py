@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rich.console import Console
 from rich.text import Text
 
 from flows.command.exit_code import DONE, remark
-from flows.command.screen_table import screen_table
+from flows.command.screen_table import screen, screen_table
 from tasks.block.converted_distortion import ConvertedDistortion, convert_distortion
 from tasks.files.json_text import json_text
 from tasks.georeferencing.registered_cameras import with_registered_cameras
@@ -37,7 +36,7 @@ def show_conversion(
 
 
 def _show(found: ConvertedDistortion) -> None:
-    console = Console()
+    console = screen()
     table = screen_table("parameter", "value", "unit", right=("value",))
     for name, value in found.values.items():
         table.add_row(name, f"{value:.9e}", "" if found.units[name] == "1" else found.units[name])

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE
 from flows.command.progress import show_progress
-from flows.command.screen_table import print_listed
+from flows.command.screen_table import print_listed, screen
 from flows.runs.project_run import RunRequest
 from flows.stories.examination import Examination, ListedMistake, examine_everything
 from tasks.files.delivered_file import require_folder
@@ -141,7 +141,7 @@ def _as_json(found: Examination) -> JSON:
 
 
 def _show(found: Examination) -> None:
-    console = Console()
+    console = screen()
     listed = {mistake.what for mistake in found.mistakes}
     problems = [one for finding in found.findings for one in finding.problems if one not in listed]
     if found.refusal is None:

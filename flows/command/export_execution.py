@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from flows.command.exit_code import DONE
-from flows.command.screen_table import screen_table
+from flows.command.screen_table import screen, screen_table
 from tasks.errors import InputError
 from tasks.handover.delivery import Angles
 from tasks.handover.export import Export, export_results
@@ -21,7 +21,7 @@ from tasks.settings.deliver import AngleOrder, AngleUnit
 
 def list_formats() -> int:
     """List all formats and what they are for."""
-    console = Console()
+    console = screen()
     for title, register in (("Block exchange", EXCHANGE), ("Result delivery", DELIVERIES)):
         table = screen_table("format", "what", "usual kind", title=title)
         for item in register.values():
@@ -40,7 +40,7 @@ def write_export(
         cast(AngleOrder, _one_of(order, get_args(AngleOrder), "--angles")),
         cast(AngleUnit, _one_of(unit, get_args(AngleUnit), "--unit")),
     )
-    show_export(Console(), export_results(results, to, out, world, angles, force=force))
+    show_export(screen(), export_results(results, to, out, world, angles, force=force))
     return DONE
 
 

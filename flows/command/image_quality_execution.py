@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from flows.command.execution import ended, outcome_of
-from flows.command.screen_table import figure, print_listed, screen_table
+from flows.command.screen_table import figure, print_listed, screen, screen_table
 from flows.runs.examination_request import ExaminationRequest
 from flows.runs.project_run import RunOutcome
 from flows.stories.image_quality import image_quality, stages_of
@@ -37,7 +36,7 @@ def execute_image_quality(
 
 def _show(outcome: RunOutcome) -> None:
     """Problems, a line for each band of scenes, and where the page is."""
-    console, summary = Console(), outcome.summary
+    console, summary = screen(), outcome.summary
     print_listed(console, summary.problems, "yellow")
     for gate in summary.gates:
         if not gate.passed:

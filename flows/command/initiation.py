@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE
+from flows.command.screen_table import screen
 from tasks.inventory.folder import Inventory, begin_project
 from tasks.inventory.recognition import Content, rows_of
 
@@ -28,7 +28,7 @@ _KINDS = {
 def initiate(folder: Path) -> int:
     """Write the project file and show the files; wrong input raises InputError."""
     found = begin_project(folder)
-    console = Console()
+    console = screen()
     console.print(_table(found))
     console.print(Text(f"{found.project_file} was written.", style="bold"), soft_wrap=True)
     if found.open_values:

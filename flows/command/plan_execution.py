@@ -9,16 +9,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE, GATE_FAILED
 from flows.command.progress import show_progress
-from flows.command.screen_table import facts_table, screen_table
+from flows.command.screen_table import facts_table, screen, screen_table
 from tasks.calibration.pattern_words import direction_words, height_words
+from tasks.errors import InputError
 from tasks.files.json_text import json_text
+from tasks.magnitude import trouble_in_number
 from tasks.planning.addition_words import addition_words
 from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
@@ -195,6 +197,9 @@ def _of_source(source: str) -> Callable[..., CalibrationPlan]:
 def execute_plan(options: PlanOptions, *, as_json: bool) -> int:
     """Compute a plan and print it; wrong input raises InputError."""
     show_progress()
+    trouble = trouble_in_number(options.strip_bias or 0.0)
+    if trouble is not None:
+        raise InputError(trouble, "Give the σ in metres.", entity="--strip-bias")
     free = None if options.free is None else free_from_text(options.free)
     plan = _of_source(options.source)(
         options.source,
@@ -208,5 +213,5 @@ def execute_plan(options: PlanOptions, *, as_json: bool) -> int:
     if as_json:
         print(json_text(plan_json(plan), indent=2))
     else:
-        Console().print(plan_table(plan))
+        screen().print(plan_table(plan))
     return DONE if plan.expectation.accepted else GATE_FAILED

@@ -63,6 +63,8 @@ def _day(text: str) -> date:
 
 
 _DAY = {"parser": _day, "metavar": "DATE"}
+#: A century.
+_MOST_DAYS = 36_500
 
 
 @registry.command()
@@ -207,13 +209,19 @@ def due(
     within: Annotated[
         int,
         typer.Option(
-            metavar="DAYS", help="Days before the end of validity at which a calibration becomes due.", min=0
+            metavar="DAYS",
+            help="Days before the end of validity at which a calibration becomes due.",
+            min=0,
+            max=_MOST_DAYS,
         ),
     ] = 30,
     max_age: Annotated[
         int,
         typer.Option(
-            metavar="DAYS", help="Age in days at which a calibration becomes due; 0: no limit.", min=0
+            metavar="DAYS",
+            help="Age in days at which a calibration becomes due; 0: no limit.",
+            min=0,
+            max=_MOST_DAYS,
         ),
     ] = 730,
     sigma: Annotated[

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from flows.command.exit_code import DONE, INPUT_ERROR, complain
 from flows.command.registry_words import changes_table
-from flows.command.screen_table import print_listed
+from flows.command.screen_table import print_listed, screen
 from tasks.errors import InputError
 from tasks.files.installation import writing_into
 from tasks.files.json_text import json_text
@@ -51,7 +51,7 @@ def add_calibrations(
 
 def _say_examined(added: RadiometricResult, known: Sequence[RadiometricResult]) -> None:
     """Report what was added, and what has changed since the previous result."""
-    console, record = Console(), added.record
+    console, record = screen(), added.record
     console.print(Text(f"Added as radiometric result {added.id}: version {added.version} of {record.label}."))
     console.print(Text(f"Verification code {added.digest}"), soft_wrap=True)
     own = [one for one in known if one.record.camera_key == record.camera_key and one.id < added.id]
@@ -67,7 +67,7 @@ def _say_examined(added: RadiometricResult, known: Sequence[RadiometricResult]) 
 
 
 def _say_added(added: StoredCalibration, of_camera: Sequence[StoredCalibration]) -> None:
-    camera, console = added.camera, Console()
+    camera, console = added.camera, screen()
     console.print(
         Text(f"Added as calibration {added.id}, a draft: version {added.version} of {camera.label}.")
     )
@@ -97,7 +97,7 @@ def approve_calibration(
     """Show how a calibration differs from the one in force, then approve it."""
     found = opened(address)
     approval = approval_of(found.contents(), number, Validity(*days), although)
-    console = Console()
+    console = screen()
     print_listed(console, shared_numbers(found.contents().sisters(approval.chosen.camera)), "yellow")
     show_comparison(approval, console)
     signature = Signature(_person(person), note)
@@ -137,6 +137,8 @@ def show_comparison(approval: Approval, console: Console) -> None:
 
 def export_calibration(number: str, out: Path | None, address: str | None) -> int:
     """Write the content of a record, and nothing else."""
+    if out is not None and out.is_dir():
+        raise InputError(f"{out} is a folder.", "Name a file.", entity="--out")
     content = opened(address).calibration(number).sealed.content.encode()
     if out is None:
         sys.stdout.buffer.write(content)
@@ -174,10 +176,10 @@ def verify_registry(since: str | None, address: str | None, *, as_json: bool) ->
         counts += f", and {len(results)} radiometric results" if results else ""
         if not as_json:
             words = f"{counts} are as they were written.\nState {contents.digest or 'empty'}"
-            Console().print(Text(words), soft_wrap=True)
+            screen().print(Text(words), soft_wrap=True)
         return DONE
     if not as_json:
-        print_listed(Console(stderr=True), sentences, wrap=False)
+        print_listed(screen(stderr=True), sentences, wrap=False)
     complain(
         f"{len(sentences)} thing{'s' * (len(sentences) > 1)} in the registry {found.database.address} "
         "not written by aerocal. Restore it from a backup."

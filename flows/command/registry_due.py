@@ -6,13 +6,12 @@ import math
 from collections.abc import Sequence
 from datetime import date
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from flows.command.exit_code import DONE, GATE_FAILED
 from flows.command.registry_actions import opened
-from flows.command.screen_table import print_listed, screen_table
+from flows.command.screen_table import print_listed, screen, screen_table
 from tasks.errors import InputError
 from tasks.files.json_text import json_text
 from tasks.nearest_name import did_you_mean
@@ -38,7 +37,7 @@ def show_due(
     if as_json:
         print(json_text(json_of(watch), indent=2))
     else:
-        console = Console()
+        console = screen()
         console.print(_table(watch.cameras))
         print_listed(console, watch.sentences, "yellow" if watch.due else "green", wrap=False)
     return GATE_FAILED if watch.due else DONE

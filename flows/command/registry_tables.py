@@ -7,7 +7,6 @@ from datetime import date
 from itertools import pairwise
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -21,7 +20,7 @@ from flows.command.registry_words import (
     history_table,
     parameters_table,
 )
-from flows.command.screen_table import facts_table, print_listed, screen_table
+from flows.command.screen_table import facts_table, print_listed, screen, screen_table
 from tasks.document_kit.table import Number, decimals_for
 from tasks.documents.time_series.page import write_time_series
 from tasks.documents.time_series.plot import LIMIT
@@ -54,7 +53,7 @@ def list_calibrations(camera: str | None, address: str | None, *, as_json: bool)
         print_radiometric(examined)
     if not contents.findings:
         return DONE
-    print_listed(Console(stderr=True), (finding.sentence for finding in contents.findings), wrap=False)
+    print_listed(screen(stderr=True), (finding.sentence for finding in contents.findings), wrap=False)
     complain("The registry was edited, see above. Restore it from a backup.")
     return INPUT_ERROR
 
@@ -64,7 +63,7 @@ def _is_calibrated(contents: Contents, camera: str) -> bool:
 
 
 def _print_cameras(items: Sequence[StoredCalibration]) -> None:
-    console = Console()
+    console = screen()
     if not items:
         console.print("The registry is empty.")
     for key in dict.fromkeys(item.camera.camera_key for item in items):
@@ -80,6 +79,8 @@ def _print_cameras(items: Sequence[StoredCalibration]) -> None:
 
 def show_calibrations(what: str, plot: Path | None, address: str | None, *, as_json: bool) -> int:
     """Show one calibration, or all of a camera."""
+    if plot is not None and plot.is_dir():
+        raise InputError(f"{plot} is a folder.", "Name a file.", entity="--plot")
     registry = opened(address)
     contents = registry.contents()
     examined = tuple(one for one in registry.radiometric() if what in one.record.names)
@@ -100,7 +101,7 @@ def show_calibrations(what: str, plot: Path | None, address: str | None, *, as_j
     if plot is not None:
         write_time_series(plot, own)
         if not as_json:
-            Console().print(Text(f"\nPlot: {plot}"), soft_wrap=True)
+            screen().print(Text(f"\nPlot: {plot}"), soft_wrap=True)
     return DONE
 
 
@@ -115,7 +116,7 @@ def _single(contents: Contents, what: str) -> StoredCalibration | None:
 
 
 def _show_one(item: StoredCalibration, contents: Contents) -> None:
-    console, record = Console(), item.record
+    console, record = screen(), item.record
     console.print(Text(f"\nCalibration {item.id}: {item.camera.label}, version {item.version}", "bold"))
     console.print(_facts(item))
     of_camera = shared_numbers(contents.sisters(item.camera))
@@ -158,7 +159,7 @@ def _facts(item: StoredCalibration) -> Table:
 def _show_camera(items: Sequence[StoredCalibration]) -> None:
     """The calibrations of a camera, and every parameter from one to the next."""
     _print_cameras(items)
-    console = Console()
+    console = screen()
     found = [series for series in series_of(items) if len(series.points) > 1]
     if not found:
         return
@@ -203,7 +204,7 @@ def _change(series: ParameterSeries, index: int, factor: float) -> tuple[str, Te
 
 def print_radiometric(results: Sequence[RadiometricResult]) -> None:
     """A line for each result, camera by camera."""
-    console = Console()
+    console = screen()
     for key in dict.fromkeys(one.record.camera_key for one in results):
         own = [one for one in results if one.record.camera_key == key]
         console.print(Text(f"\nRadiometric results of {own[-1].record.label}", "bold"))
@@ -222,7 +223,7 @@ def show_radiometric(results: Sequence[RadiometricResult], *, as_json: bool) -> 
         print(json_text([one.record.model_dump(mode="json") for one in results], indent=2))
         return
     print_radiometric(results)
-    console = Console()
+    console = screen()
     for before, after in pairwise(results):
         console.print(Text(f"\nFrom result {before.id} to result {after.id}", "bold"))
         table = screen_table(

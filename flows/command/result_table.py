@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from flows.command.calibration_table import calibration_table, parameters_beside_limits, written
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
-from flows.command.screen_table import facts_table, figure, screen_table
+from flows.command.screen_table import facts_table, figure, screen, screen_table
 from flows.runs.project_run import RunOutcome
 from tasks.quantities import shown
 from tasks.results.calibration_figures import TwoStepVerdictFigure
@@ -58,7 +58,7 @@ _SHOWN_PARAMETERS = 30
 
 def show_result(outcome: RunOutcome) -> None:
     """Print the outcome on standard output as tables."""
-    Console().print(result_table(outcome))
+    screen().print(result_table(outcome))
 
 
 def result_table(outcome: RunOutcome) -> RenderableType:

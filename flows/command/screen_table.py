@@ -9,6 +9,16 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+#: Narrower, the columns of numbers would be cut.
+_LEAST_WIDTH = 80
+
+
+def screen(*, stderr: bool = False) -> Console:
+    """The screen, at least eighty columns wide; a narrower one wraps the lines itself."""
+    console = Console(stderr=stderr)
+    console.width = max(console.width, _LEAST_WIDTH)
+    return console
+
 
 def screen_table(
     *columns: str, right: Collection[str] = (), whole: Collection[str] = (), title: str = ""

@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from flows.command.execution import ended, outcome_of
 from flows.command.result_table import where_results_are
-from flows.command.screen_table import print_listed, screen_table
+from flows.command.screen_table import print_listed, screen, screen_table
 from flows.runs.project_run import RunOutcome, RunRequest, Story
 from flows.runs.workers import use_cluster
 from tasks.files.json_text import JSON
@@ -42,7 +41,7 @@ def execute_sweep(
 
 def _show(outcome: RunOutcome) -> None:
     """Problems, a line for each scenario, and where the results are."""
-    console = Console()
+    console = screen()
     print_listed(console, outcome.summary.problems, "yellow")
     rows = cast(Sequence[Mapping[str, JSON]], (outcome.summary.model_extra or {})["sweep"])
     console.print(_table(rows))

@@ -12,7 +12,7 @@ from flows.command.calibration_table import calibration_verdict
 from flows.command.exit_code import DONE, GATE_FAILED, OF_STATUS, complain
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.progress import show_progress
-from flows.command.screen_table import print_listed, screen_table
+from flows.command.screen_table import print_listed, screen, screen_table
 from flows.runs.project_run import RunOutcome
 from flows.stories.flight_check import flight_check
 from tasks.quantities import COMPONENTS, Shown, shown
@@ -34,7 +34,7 @@ def check_and_show(
     if check.comparison is None:
         complain(str(check.outcome.error))
         return OF_STATUS[check.outcome.summary.status]
-    return show(Console(), simulation, check.outcome, check.comparison)
+    return show(screen(), simulation, check.outcome, check.comparison)
 
 
 def show(console: Console, simulation: Simulation, outcome: RunOutcome, comparison: TruthComparison) -> int:

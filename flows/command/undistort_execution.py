@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from flows.command.exit_code import DONE
 from flows.command.progress import show_progress
+from flows.command.screen_table import screen
 from tasks.handover.undistorted.undistort import undistort
 
 
@@ -30,7 +30,7 @@ def write_undistorted(
             results, images, out, camera, resampling,
             lambda file, done: line.update(task, description=file, completed=done),
         )  # fmt: skip
-    shown = Console()
+    shown = screen()
     shown.print(Text(written.statement))
     count = f"{len(written.files)} image{'s' if len(written.files) > 1 else ''}"
     where = f"{count}, cameras.csv and UNDISTORTED.txt are in {written.folder}."

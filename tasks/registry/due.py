@@ -115,7 +115,8 @@ def due_of(contents: Contents, today: date, limits: DueLimits) -> tuple[CameraDu
     found: list[CameraDue] = []
     for key in {item.camera.camera_key: None for item in contents.calibrations}:
         own = by_day([item for item in contents.calibrations if item.camera.camera_key == key])
-        if not set(own[-1].camera.names) & set(limits.without):
+        # A camera may have been renamed.
+        if not {name for item in own for name in item.camera.names} & set(limits.without):
             found += _of_camera(own, today, limits)
     return tuple(sorted(found, key=lambda one: (one.camera, one.camera_key, not one.in_use)))
 
@@ -204,6 +205,8 @@ def _end(items: Sequence[StoredCalibration], held: StoredCalibration, max_age: i
         if not ends:
             return None
         end = min(ends)
+        if end == date.max:
+            return end
         following = _holder(items, end + timedelta(days=1))
         too_old = (
             following is not None

@@ -144,6 +144,40 @@ def test_one_serial_number_with_two_images_is_told(console: Console) -> None:
     assert "are of the camera" not in said
 
 
+def test_a_validity_until_the_end_of_the_calendar_is_one_without_an_end(
+    filled: Console, tmp_path: Path
+) -> None:
+    assert filled("approve", "4", "--from", "2024-01-01", "--to", "9999-12-31").exit_code == 0
+    due = filled("due", "--max-age", "0", "--without", "UCE")
+    assert due.exit_code == 0, due.output
+    page = tmp_path / "page.html"
+    assert filled("show", "4", "--plot", page).exit_code == 0
+    band = re.search(r'<rect x="([\d.]+)"[^>]* width="([\d.]+)"[^>]*class="limits"', page.read_text())
+    assert band is not None
+    # It reaches the right edge of a drawing of years, not of millennia.
+    assert float(band[1]) + float(band[2]) == pytest.approx(948.0)
+    assert float(band[2]) > 400.0
+
+
+@pytest.mark.parametrize("option", ["--max-age", "--within"])
+def test_days_beyond_a_century_are_refused(filled: Console, option: str) -> None:
+    assert filled("due", option, "999999999").exit_code == 2
+
+
+def test_a_folder_in_the_place_of_a_file_is_wrong_input(filled: Console, tmp_path: Path) -> None:
+    assert "--out: " in error(filled("export", "2", "--out", tmp_path))
+    assert "--plot: " in error(filled("show", "2", "--plot", tmp_path))
+
+
+def test_a_renamed_camera_is_excluded_by_either_name(console: Console) -> None:
+    registry = Registry.at(registry_address(console.registry))
+    add(registry, record())
+    add(registry, record(changed(1), name="Later"))
+    for name in ("UCE", "Later", "UC-E-1"):
+        done = console("due", "--without", name)
+        assert done.exit_code == 0, done.output
+
+
 FROM = ("--from", "2025-01-01")
 
 
@@ -169,8 +203,9 @@ def test_list_and_show_say_what_there_is(filled: Console) -> None:
 
 
 @pytest.mark.parametrize("what", [("list",), ("show", "2"), ("show", "3"), ("show", "UCE")])
-def test_nothing_is_cut_in_80_characters(filled: Console, what: tuple[str, ...]) -> None:
-    wide, narrow = (filled(*what, COLUMNS=str(width)).stdout for width in (200, 80))
+def test_nothing_is_cut_in_80_characters_or_fewer(filled: Console, what: tuple[str, ...]) -> None:
+    wide, narrow, narrower = (filled(*what, COLUMNS=str(width)).stdout for width in (200, 80, 40))
+    assert narrower == narrow
     assert max(map(len, narrow.splitlines())) <= 96  # a verification code is one word
     # Words that were wrapped are still there, every number still in one piece.
     assert "…" not in narrow

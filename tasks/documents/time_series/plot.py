@@ -21,14 +21,18 @@ _HEIGHT, _TOP, _LEFT = 172.0, 10.0, 86.0
 _MONTHS = (1, 3, 6, 12, 24, 60, 120)
 _MOST_TICKS = 10
 _DAYS_OF_MONTH = 30.44
+#: Limits of validity that are later than this after the last calibration are outside of the drawing.
+_YEARS_AHEAD = 10
 
 
 def time_scale(series: Sequence[ParameterSeries]) -> Scale:
     """The days that all series of a camera need, as ordinals."""
     days = [point.day for one in series for point in one.points]
-    for one in series:
-        for held in (point.validity for point in one.points):
-            days += [] if held is None else [held.start, *([held.end] if held.end else [])]
+    held = [point.validity for one in series for point in one.points if point.validity is not None]
+    limits = [day for one in held for day in (one.start, one.end) if day is not None]
+    # An end such as 9999-12-31 means that there is none.
+    last_year = max(days).year + _YEARS_AHEAD
+    days += [day for day in limits if day.year <= last_year]
     first, last = min(days).toordinal(), max(days).toordinal()
     margin = max(0.05 * (last - first), 3 * _DAYS_OF_MONTH)
     return Scale(first - margin, last + margin, _LEFT, axes.WIDTH - 12.0)
@@ -81,9 +85,9 @@ def _bands(series: ParameterSeries, x: Scale, place: Callable[[float], float]) -
         held = point.validity
         if held is None:
             continue
-        start = x.at(held.start.toordinal())
+        start = min(x.at(held.start.toordinal()), x.end)
         # The last day belongs to it.
-        end = x.end if held.end is None else x.at(held.end.toordinal() + 1)
+        end = x.end if held.end is None else min(x.at(held.end.toordinal() + 1), x.end)
         high, low = (place(point.value + side * LIMIT * point.sigma) for side in (1, -1))
         drawn.append(markup.rectangle(start, high, end - start, low - high, css="limits"))
         middle = place(point.value)
