@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
-from flows.command.options import Data, Overrides
+from flows.command.options import FOLDER, Data, Overrides
 
 
 def convert(
@@ -25,7 +25,7 @@ def convert(
         typer.Option(metavar="NAME", help="Block exchange format; [bold]aerocal export[/bold] lists them."),
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the files; default NAME next to INPUT.")
+        Path | None, typer.Option(**FOLDER, help="Folder for the files; default NAME next to INPUT.")
     ] = None,
     world: Annotated[
         str | None,

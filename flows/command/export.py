@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.options import FOLDER
 
 
 def export(
@@ -18,7 +19,7 @@ def export(
         str | None, typer.Option(metavar="FORMAT", help="Format; without it, all formats are listed.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the files; default RESULTS/export/FORMAT.")
+        Path | None, typer.Option(**FOLDER, help="Folder for the files; default RESULTS/export/FORMAT.")
     ] = None,
     world: Annotated[
         str | None,

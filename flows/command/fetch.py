@@ -8,13 +8,14 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import DONE, end_with, remark
+from flows.command.options import FOLDER
 
 
 def fetch(
     address: Annotated[
         str, typer.Argument(metavar="s3://BUCKET/PREFIX", help="The [bold]--out[/bold] of the run.")
     ],
-    to: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")],
+    to: Annotated[Path, typer.Option(**FOLDER, help="Folder for the results.")],
 ) -> None:
     """Fetch the results of a run from object storage into a folder.
 

@@ -8,12 +8,13 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.options import FOLDER
 
 
 def figures(
     results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results folder of a run.")],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the figures; default RESULTS/figures.")
+        Path | None, typer.Option(**FOLDER, help="Folder for the figures; default RESULTS/figures.")
     ] = None,
 ) -> None:
     """Write the figures of a report as SVG files, for papers and slides.

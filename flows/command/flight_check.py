@@ -8,14 +8,14 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
-from flows.command.options import Seed, SpecificationOverrides
+from flows.command.options import FOLDER, Seed, SpecificationOverrides
 
 
 def flight_check(
     source: Annotated[
         str, typer.Argument(metavar="[PRESET|SPEC.toml]", help="Name of a preset, or a specification.")
     ] = "uce-low",
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the simulated project.")] = Path(
+    out: Annotated[Path, typer.Option(**FOLDER, help="Folder for the simulated project.")] = Path(
         "flight-check"
     ),
     overrides: SpecificationOverrides = None,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
-from flows.command.options import Data, Json, Overrides, Server
+from flows.command.options import FOLDER, Data, Json, Overrides, Server
 
 
 def image_quality(
@@ -20,7 +20,7 @@ def image_quality(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Output folder.", show_default="image-quality/ next to the source"),
+        typer.Option(**FOLDER, help="Output folder.", show_default="image-quality/ next to the source"),
     ] = None,
     overrides: Overrides = None,
     data: Data = None,

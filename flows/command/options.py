@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import typer
+
+
+def _folder(text: object) -> Path:
+    """The folder that an option names; runs alone write to object storage (`Out`)."""
+    name = str(text)
+    if not name.strip():
+        raise typer.BadParameter("The name is blank. Name a folder, or omit the option.")
+    if re.match(r"[a-z][a-z0-9+.-]+:/", name, re.IGNORECASE):
+        raise typer.BadParameter(f"'{name}' is an address. Name a folder on this machine.")
+    return Path(name)
+
+
+#: Of every other option that names a folder to write into.
+FOLDER = {"parser": _folder, "metavar": "DIR"}
 
 ProjectFile: TypeAlias = Annotated[Path, typer.Argument(metavar="PROJECT.toml", help="The project file.")]
 

@@ -8,14 +8,14 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
-from flows.command.options import Seed, SpecificationOverrides
+from flows.command.options import FOLDER, Seed, SpecificationOverrides
 
 
 def simulate(
     source: Annotated[
         str, typer.Argument(metavar="PRESET|SPEC.toml", help="Name of a preset, or a specification.")
     ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the project.")],
+    out: Annotated[Path, typer.Option(**FOLDER, help="Folder for the project.")],
     overrides: SpecificationOverrides = None,
     seed: Seed = None,
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flows.command.exit_code import end_with
+from flows.command.options import FOLDER
 
 
 def undistort(
@@ -16,7 +17,7 @@ def undistort(
         list[Path], typer.Argument(metavar="IMAGE...", help="TIFF, JPEG, PNG or JPEG 2000, as taken.")
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the images; default RESULTS/undistorted.")
+        Path | None, typer.Option(**FOLDER, help="Folder for the images; default RESULTS/undistorted.")
     ] = None,
     camera: Annotated[
         str | None,

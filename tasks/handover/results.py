@@ -266,7 +266,8 @@ def read_result_table(folder: Path, schema: TableSchema) -> pd.DataFrame:
     InputError
         If it is missing, or is none.
     """
-    return read_foreign_table(folder / f"{schema.name}.parquet", schema, _REMEDY)[0]
+    # The folder may be named by a path with links, or from another folder (../results).
+    return read_foreign_table((folder / f"{schema.name}.parquet").resolve(), schema, _REMEDY)[0]
 
 
 def _camera_rows(folder: Path) -> list[dict[object, object]]:

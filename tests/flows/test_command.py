@@ -129,6 +129,27 @@ def test_an_output_folder_that_is_a_file_ends_with_2(
     assert (tmp_path / "taken").read_text() == ""
 
 
+@pytest.mark.parametrize("folder", ["s3://bucket/block", ""])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("export", "results", "--to", "patb", "--out"), ("convert", "project.toml", "--to", "patb", "--out"),
+        ("figures", "results", "--out"), ("undistort", "results", "a.tif", "--out"),
+        ("simulate", "uce-low", "--out"), ("flight-check", "uce-low", "--out"),
+        ("image-quality", "a.tif", "--out"), ("fetch", "s3://bucket/block", "--to"),
+    ],
+    ids=lambda words: words[0],
+)  # fmt: skip
+def test_a_folder_of_this_machine_is_no_address_and_not_blank(
+    words: tuple[str, ...], folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = aerocal(*words, folder)
+    assert done.returncode == 2, done.stderr
+    assert ("is an address" if folder else "The name is blank") in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
 def test_results_between_delivered_files_get_a_remark_and_replace_none(warm_block: Path) -> None:
     folder = warm_block.parent
     done = aerocal("run", warm_block, "--out", folder)

@@ -287,6 +287,19 @@ def test_wrong_words_are_refused_and_nothing_is_written(results: Path, tmp_path:
     assert not out.exists()
 
 
+def test_results_are_found_by_any_path(
+    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "link").symlink_to(results)
+    (results.parent / "further").mkdir(exist_ok=True)
+    monkeypatch.chdir(results.parent / "further")
+    written = [
+        export_results(path, "colmap", tmp_path / str(number)).folder / "images.txt"
+        for number, path in enumerate((results, tmp_path / "link", Path("..") / results.name))
+    ]
+    assert len({file.read_bytes() for file in written}) == 1
+
+
 def test_photos_are_numbered_only_where_names_are_no_numbers() -> None:
     assert numbers_of_names(("1001", "1002")) == (["1001", "1002"], False)
     assert numbers_of_names(("0012", "12")) == (["1", "2"], True)
