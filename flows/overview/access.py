@@ -13,14 +13,12 @@ from flask import Flask, Request, Response, request
 from markupsafe import escape
 
 from flows.overview.sources import Sources
-from flows.server.door import ENTRANCE, ENTRANCE_HEADERS, ENTRANCE_PAGE, Asked, Door
+from flows.server.door import ENTRANCE, LONGEST_KEY, Asked, Door
 from tasks.errors import AerocalError
 from tasks.production.documents import ChangedDocumentError, Document, NoDocumentError, read_document
 
 #: Answers above this size are compressed, bytes.
 _COMPRESSED_FROM = 10_000
-#: Most bytes of what is handed over at the entrance.
-_LONGEST_KEY = 4_096
 
 
 def page_policy(script_hashes: Sequence[str]) -> str:
@@ -71,16 +69,13 @@ def guard(server: Flask, door: Door, policy: str) -> None:
     @server.before_request
     def _ask() -> Response | None:
         asked = _asked(request)
-        refusal = door.refusal(asked)
-        if refusal is not None:
-            return Response(refusal.sentence, refusal.status, mimetype="text/plain")
-        if asked.path == ENTRANCE:
-            return _entered(door, asked)
-        if door.knows(asked):
+        is_key = asked.path == ENTRANCE and (request.content_length or 0) <= LONGEST_KEY
+        answer = door.answer(asked, request.get_data() if is_key else b"")
+        if answer is None:
             return None
-        if asked.is_for_a_page:
-            return Response(ENTRANCE_PAGE, 401, ENTRANCE_HEADERS)
-        return Response("Unauthorized", 401, mimetype="text/plain")
+        if answer.headers:
+            return Response(answer.text, answer.status, answer.headers)
+        return Response(answer.text, answer.status, mimetype="text/plain")
 
     @server.errorhandler(DependencyException)
     def _nothing(_error: DependencyException) -> Response:
@@ -102,14 +97,6 @@ def guard(server: Flask, door: Door, policy: str) -> None:
 def _asked(asked: Request) -> Asked:
     headers = tuple((name.lower(), value) for name, value in asked.headers.items())
     return Asked(asked.method, asked.path, headers)
-
-
-def _entered(door: Door, asked: Asked) -> Response:
-    if asked.method != "POST":
-        return Response(ENTRANCE_PAGE, 200, ENTRANCE_HEADERS)
-    if door.opens(asked, request.get_data() if (request.content_length or 0) <= _LONGEST_KEY else b""):
-        return Response(status=204, headers={"Set-Cookie": door.cookie(asked), "Cache-Control": "no-store"})
-    return Response("This key is not valid.", 403, mimetype="text/plain")
 
 
 def _compressed(response: Response) -> Response:

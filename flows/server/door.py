@@ -15,7 +15,7 @@ import ipaddress
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
 
@@ -23,23 +23,26 @@ from urllib.parse import urlsplit
 DOOR_VARIABLE = "AEROCAL_DOOR"
 #: Where a browser hands over what the link holds.
 ENTRANCE = "/enter"
+#: Most bytes of what it hands over.
+LONGEST_KEY = 4_096
 #: How long a browser is known, s.
 _KNOWN_S = 365 * 86_400
 _WRITING = ("POST", "PUT", "PATCH", "DELETE")
 
 
 @dataclass(frozen=True)
-class Refusal:
-    """Why a request is not answered.
+class Answer:
+    """The door's own answer to a request.
 
     Attributes
     ----------
     status : of HTTP.
-    sentence : for people.
+    text : a sentence; with headers, a page.
     """
 
     status: int
-    sentence: str
+    text: str
+    headers: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -96,22 +99,43 @@ class Door:
         """Path of the link; browsers never send what follows #."""
         return f"{ENTRANCE}#{self.key}"
 
-    def refusal(self, asked: Asked) -> Refusal | None:
+    def answer(self, asked: Asked, content: bytes) -> Answer | None:
+        """The door's own answer to a request; None: whoever asks may enter.
+
+        Parameters
+        ----------
+        content : of a request to the entrance.
+        """
+        refusal = self.refusal(asked)
+        if refusal is not None:
+            return refusal
+        if asked.path == ENTRANCE:
+            if asked.method != "POST":
+                return Answer(200, ENTRANCE_PAGE, ENTRANCE_HEADERS)
+            if not self.opens(asked, content):
+                return Answer(403, "This key is not valid.")
+            return Answer(204, "", {"Set-Cookie": self.cookie(asked), "Cache-Control": "no-store"})
+        if self.knows(asked):
+            return None
+        page = Answer(401, ENTRANCE_PAGE, ENTRANCE_HEADERS)
+        return page if asked.is_for_a_page else Answer(401, "Unauthorized")
+
+    def refusal(self, asked: Asked) -> Answer | None:
         """Why this request is refused to everyone; None if it is permitted."""
         hosts = asked.all("host")
         if len(hosts) != 1 or not self._is_ours(hosts[0]):
-            return Refusal(
+            return Answer(
                 400,
                 "This server is not known under that name. Use its address, or start it with "
                 "--public-url, or with the name in AEROCAL_HOSTS.",
             )
         for origin in asked.all("origin"):
             if origin not in self.origins and urlsplit(origin).netloc.lower() != hosts[0].lower():
-                return Refusal(403, "Requests from other origins are refused.")
+                return Answer(403, "Requests from other origins are refused.")
         if asked.method in _WRITING and _has_content(asked):
             kind = asked.one("content-type").partition(";")[0].strip().lower()
             if kind != "application/json":
-                return Refusal(415, "Only application/json is accepted.")
+                return Answer(415, "Only application/json is accepted.")
         return None
 
     def knows(self, asked: Asked) -> bool:

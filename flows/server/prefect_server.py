@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import MutableMapping
-from functools import wraps
 from typing import Any, cast
 from urllib.parse import urlsplit
 
@@ -25,8 +24,8 @@ from starlette.responses import JSONResponse, Response
 from flows.server.door import (
     DOOR_VARIABLE,
     ENTRANCE,
-    ENTRANCE_HEADERS,
-    ENTRANCE_PAGE,
+    LONGEST_KEY,
+    Answer,
     Asked,
     Door,
     basic,
@@ -36,12 +35,8 @@ from flows.server.server_process import SERVER_PASSWORD
 
 #: What says nothing but that a server is there.
 _OPEN = ("/api/health", "/api/ready")
-#: The host that Prefect's server names when it calls itself (automations), without any port.
-_IN_PROCESS = "prefect-in-memory"
 #: Pages of FastAPI that load their scripts from hosts of others.
 _FOREIGN = ("/docs", "/redoc", "/docs/oauth2-redirect")
-#: A key is short.
-_MOST_BYTES = 4_096
 
 
 class Guard:
@@ -64,40 +59,25 @@ class Guard:
             (name.decode("latin-1").lower(), value.decode("latin-1")) for name, value in scope["headers"]
         )
         asked = Asked(scope.get("method", "GET"), scope["path"], headers)
-        known = self.door.knows(asked)
-        if known and asked.one("host") == _IN_PROCESS and not asked.all("origin"):
-            await self.app(scope, receive, send)
-        elif scope["type"] == "websocket":
-            if self.door.refusal(asked) is None:
+        if scope["type"] == "http":
+            content = await _content(Request(scope, receive)) if asked.path == ENTRANCE else b""
+            answer = self.door.answer(asked, content)
+            if answer is None and _is_foreign(asked.path):
+                answer = Answer(404, "Page not found.")
+            if answer is None:
+                await self.app(_with_password(scope, self.door.password), receive, send)
+            elif answer.status == 401 and asked.path in _OPEN and asked.method in ("GET", "HEAD"):
                 await self.app(scope, receive, send)
             else:
-                await send({"type": "websocket.close", "code": 1008})
+                await _response(answer)(scope, receive, send)
+        elif self.door.refusal(asked) is None:
+            await self.app(scope, receive, send)
         else:
-            answer = await self._answer(asked, Request(scope, receive), known=known)
-            if answer is None:
-                await self.app(_with_password(scope, self.door.password) if known else scope, receive, send)
-            else:
-                await answer(scope, receive, send)
+            await send({"type": "websocket.close", "code": 1008})
 
-    async def _answer(self, asked: Asked, request: Request, *, known: bool) -> Response | None:
-        """The answer of the door; None: the request may pass."""
-        refusal = self.door.refusal(asked)
-        if refusal is not None:
-            return _said(refusal.status, refusal.sentence)
-        if asked.path == ENTRANCE:
-            if asked.method != "POST":
-                return Response(ENTRANCE_PAGE, 200, ENTRANCE_HEADERS)
-            if not self.door.opens(asked, await _content(request)):
-                return _said(403, "This key is not valid.")
-            return Response(None, 204, {"Set-Cookie": self.door.cookie(asked), "Cache-Control": "no-store"})
-        if asked.path in _OPEN and asked.method in ("GET", "HEAD"):
-            return None
-        if not known:
-            page = Response(ENTRANCE_PAGE, 401, ENTRANCE_HEADERS)
-            return page if asked.is_for_a_page else _said(401, "Unauthorized")
-        if asked.path.removeprefix("/api").rstrip("/") in _FOREIGN or "\0" in asked.path:
-            return _said(404, "Page not found.")
-        return None
+
+def _is_foreign(path: str) -> bool:
+    return path.removeprefix("/api").rstrip("/") in _FOREIGN or "\0" in path
 
 
 def _with_password(scope: Any, password: str) -> Any:
@@ -110,14 +90,17 @@ async def _content(request: Request) -> bytes:
     content = b""
     async for piece in request.stream():
         content += piece
-        if len(content) > _MOST_BYTES:
+        if len(content) > LONGEST_KEY:
             return b""
     return content
 
 
-def _said(status: int, sentence: str) -> Response:
+def _response(answer: Answer) -> Response:
+    if answer.headers:
+        return Response(answer.text, answer.status, answer.headers)
     # Prefect's clients read this key.
-    return JSONResponse({"exception_message": sentence}, status, {"Cache-Control": "no-store"})
+    said = {"exception_message": answer.text}
+    return JSONResponse(said, answer.status, {"Cache-Control": "no-store"})
 
 
 def main() -> None:
@@ -130,15 +113,16 @@ def main() -> None:
     begin_writing_at_once()
     door = door_from(os.environ.get(SERVER_PASSWORD), os.environ.get(DOOR_VARIABLE))
     leave_the_login_to_the_door()
-    keep_pages_to_this_server(os.environ.get("PREFECT_SERVER_UI_API_URL", ""), door)
 
     import uvicorn
     from prefect.server.api import server
     from prefect.settings import get_current_settings
 
     settings = get_current_settings().server.api
+    pages = _PagePolicy(server.create_app(final=True), os.environ.get("PREFECT_SERVER_UI_API_URL", ""))
+    # Around the application: what the server asks itself (automations) comes through no door.
     uvicorn.run(
-        server.create_app(final=True),
+        Guard(pages, door),
         host=settings.host,
         port=settings.port,
         timeout_keep_alive=settings.keepalive_timeout,
@@ -204,31 +188,13 @@ def leave_the_login_to_the_door() -> None:
     vars(server)["UISettings"] = Settings
 
 
-def keep_pages_to_this_server(api: str, door: Door) -> None:
-    """Have every page of the dashboard speak to this server only, and nobody else to it.
+def _connections_policy(api: str) -> str:
+    """What the pages may connect to, as a Content-Security-Policy.
 
     Parameters
     ----------
     api : address of the API as browsers know it; only its path, or "", if it is that of the page.
-    door : who is let in.
     """
-    from prefect.server.api import server
-    from starlette.middleware import Middleware
-
-    create_app = server.create_app
-    policy = connections_policy(api)
-
-    @wraps(create_app)
-    def create_quiet_app(*args: Any, **kwargs: Any) -> Any:
-        app = create_app(*args, **kwargs)
-        app.user_middleware[:0] = [Middleware(Guard, door=door), Middleware(_PagePolicy, policy=policy)]
-        return app
-
-    server.create_app = create_quiet_app
-
-
-def connections_policy(api: str) -> str:
-    """What the pages may connect to, as a Content-Security-Policy."""
     parts = urlsplit(api)
     places = ["'self'"]
     if parts.netloc:
@@ -238,11 +204,10 @@ def connections_policy(api: str) -> str:
 
 
 class _PagePolicy:
-    """Adds the policy to every HTML answer."""
+    """Has every page of the dashboard speak to this server only: adds the policy to every HTML answer."""
 
-    def __init__(self, app: Any, policy: str) -> None:
-        self.app = app
-        self.policy = policy.encode()
+    def __init__(self, app: Any, api: str) -> None:
+        self.app, self.policy = app, _connections_policy(api).encode()
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         async def send_with_policy(message: Any) -> None:

@@ -69,21 +69,14 @@ def test_pages_that_load_from_others_are_not_there(path: str) -> None:
     assert (stranger.status_code, known.status_code) == (401, 404)
 
 
-def test_the_server_may_ask_itself_and_nobody_else_under_that_name() -> None:
-    """Automations do: one of them ends runs without signs of life."""
-    itself, stranger, page, port = calls(
+def test_nobody_gets_in_under_the_name_that_the_server_calls_itself_by() -> None:
+    """Automations do so within its process, where there is no door."""
+    answers = calls(
         request("POST", "/api/x", "prefect-in-memory", json={}, headers=KNOWN),
         request("POST", "/api/x", "prefect-in-memory", json={}),
-        request(
-            "POST",
-            "/api/x",
-            "prefect-in-memory",
-            json={},
-            headers={**KNOWN, "Origin": "http://prefect-in-memory"},
-        ),
         request("POST", "/api/x", "prefect-in-memory:4200", json={}, headers=KNOWN),
     )
-    assert [one.status_code for one in (itself, stranger, page, port)] == [200, 400, 400, 400]
+    assert [one.status_code for one in answers] == [400, 400, 400]
 
 
 @pytest.mark.parametrize("size", [5_000, 100_000])
