@@ -2,7 +2,7 @@
 
 Without records (``aerocal run`` on its own) it is an ordinary run. Records that cannot be written are
 reported and stop no adjustment; missing entries are completed from the server's own records
-(`flows.server.reconciliation`).
+(`flows.server.watch`).
 """
 
 from __future__ import annotations
@@ -97,8 +97,8 @@ def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
     _noted(write, _PATIENCE_END)
 
 
-def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> None:
-    """Put into the outbox that a calibration is due or the check failed; such runs have no record."""
+def tell_without_record(identity: FlowRunIdentity, about: str, state: str, message: str) -> None:
+    """Put into the outbox how a run has ended that is of no project (of the registry, of the inbox)."""
     records = configured_records()
     if records is None:
         return
@@ -107,7 +107,7 @@ def tell_recalibration(identity: FlowRunIdentity, state: str, message: str) -> N
         f"{identity.id}:{state}",
         KINDS[state],
         identity.id,
-        "registry",
+        about,
         identity.story,
         state,
         message,

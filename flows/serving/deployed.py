@@ -25,7 +25,7 @@ from pydantic import AfterValidator, Field  # noqa: E402
 from flows.runs.clean_up import Act, clean_up_below  # noqa: E402
 from flows.runs.examination_request import ExaminationRequest  # noqa: E402
 from flows.runs.project_run import RunRequest, StoryName, story_named  # noqa: E402
-from flows.runs.recorded_run import carry_out_recorded, note_refusal, tell_recalibration  # noqa: E402
+from flows.runs.recorded_run import carry_out_recorded, note_refusal, tell_without_record  # noqa: E402
 from flows.runs.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
 from flows.runs.stage import state_name  # noqa: E402
 from flows.server.api import configured_api  # noqa: E402
@@ -125,6 +125,12 @@ def _failed(error: AerocalError) -> State[None]:
     return Failed(name=state_name(error), message=str(error))
 
 
+def _failed_and_told(about: str, error: AerocalError) -> State[None]:
+    """The end of a run that is of no project; nobody would hear of it otherwise."""
+    tell_without_record(identity(), about, state_name(error), str(error))
+    return _failed(error)
+
+
 def _story_flow(story: StoryName, description: str) -> "Flow[..., State[None]]":
     """The flow of a story on a project of this server.
 
@@ -183,10 +189,16 @@ def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
     Args:
         story: Flow to run for each delivery.
     """
-    records = configured_records()
-    if records is None:
-        raise InstallationError("This runner has no records of production.", "Start it with aerocal serve.")
-    scheduled = schedule_deliveries(configured_api(), records, configured_inbox(), configured_roots(), story)
+    try:
+        records = configured_records()
+        if records is None:
+            raise InstallationError(
+                "This runner has no records of production.", "Start it with aerocal serve."
+            )
+        folder, roots = configured_inbox(), configured_roots()
+        scheduled = schedule_deliveries(configured_api(), records, folder, roots, story)
+    except (InputError, InstallationError) as error:
+        return _failed_and_told("inbox", error)
     for sentence in scheduled.sentences():
         _log.info(sentence)
     return Completed(message=" ".join(scheduled.sentences()))
@@ -227,14 +239,13 @@ def recalibration_due(
         registry = Registry.at(registry_address(registry_of_runner(configured_roots())))
         watch = watch_of(registry.contents(), date.today(), limits)
     except (InputError, InstallationError) as error:
-        tell_recalibration(identity(), state_name(error), str(error))
-        return _failed(error)
+        return _failed_and_told("registry", error)
     for sentence in watch.sentences:
         _log.info(sentence)
     message = " ".join(watch.sentences)
     if not watch.due:
         return Completed(message=message)
-    tell_recalibration(identity(), RECALIBRATION_DUE, message)
+    tell_without_record(identity(), "registry", RECALIBRATION_DUE, message)
     return Failed(name=RECALIBRATION_DUE, message=message)
 
 
@@ -249,7 +260,7 @@ def clean_up(keep_days: Days = KEEP_DAYS, act: Act = "remove") -> State[None]:
     try:
         done = clean_up_below(configured_roots().folders, keep_days, act)
     except InputError as error:
-        return _failed(error)
+        return _failed_and_told("output folders", error)
     for sentence in done.sentences:
         _log.info(sentence)
     return Completed(message=" ".join(done.sentences))

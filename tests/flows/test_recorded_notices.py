@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine, text
 
-from flows.runs.recorded_run import FlowRunIdentity, tell_recalibration
+from flows.runs.recorded_run import FlowRunIdentity, tell_without_record
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records
 from tasks.production.variable import RECORDS_VARIABLE
@@ -20,10 +20,10 @@ def test_a_calibration_that_is_due_is_told_once_for_a_run(
     address = str(tmp_path / "records.sqlite")
     identity = FlowRunIdentity("1234", "recalibration-due")
     monkeypatch.delenv(RECORDS_VARIABLE, raising=False)
-    tell_recalibration(identity, "RecalibrationDue", "Nobody is told without records.")
+    tell_without_record(identity, "registry", "RecalibrationDue", "Nobody is told without records.")
     monkeypatch.setenv(RECORDS_VARIABLE, address)
     for _ in range(2):
-        tell_recalibration(identity, "RecalibrationDue", "UCE-1 expires in 12 days.")
+        tell_without_record(identity, "registry", "RecalibrationDue", "UCE-1 expires in 12 days.")
     (notice,) = Outbox(Records.at(address)).waiting()
     assert (notice.kind, notice.message) == ("recalibration", "UCE-1 expires in 12 days.")
     assert notice.subject == "RecalibrationDue: registry (recalibration-due)"
