@@ -48,19 +48,11 @@ class Api:
         InstallationError
             If the server cannot be reached, or refuses.
         """
-        return self._call("GET", path, None)
+        return self.call("GET", path, None)
 
     def post(self, path: str, body: Mapping[str, Any] | Sequence[Any]) -> Any:
         """Post a request; returns the answer. Raises the errors of `get`."""
-        return self._call("POST", path, body)
-
-    def put(self, path: str, body: Mapping[str, Any]) -> None:
-        """Replace something. Raises the errors of `get`."""
-        self._call("PUT", path, body)
-
-    def delete(self, path: str) -> None:
-        """Remove something. Raises the errors of `get`."""
-        self._call("DELETE", path, None)
+        return self.call("POST", path, body)
 
     def is_well(self) -> bool:
         """Whether the server answers."""
@@ -86,7 +78,8 @@ class Api:
         with urllib.request.urlopen(request, timeout=timeout_s) as answer:
             return bytes(answer.read())
 
-    def _call(self, method: str, path: str, body: Mapping[str, Any] | Sequence[Any] | None) -> Any:
+    def call(self, method: str, path: str, body: Mapping[str, Any] | Sequence[Any] | None = None) -> Any:
+        """Request something by another method. Raises the errors of `get`."""
         try:
             # A request to a busy database (503: nothing was done) is repeated a few times.
             text = _PATIENCE.tried(
@@ -230,11 +223,11 @@ def watch_heartbeats(api: Api) -> None:
     meant = silence_automation()
     found = api.post("/automations/filter", {"automations": {"name": {"any_": [AUTOMATION]}}, "limit": 10})
     for one in found[1:]:
-        api.delete(f"/automations/{one['id']}")
+        api.call("DELETE", f"/automations/{one['id']}")
     if not found:
         api.post("/automations/", meant)
     elif not _holds(found[0], meant):
-        api.put(f"/automations/{found[0]['id']}", meant)
+        api.call("PUT", f"/automations/{found[0]['id']}", meant)
 
 
 def silence_automation() -> dict[str, Any]:

@@ -27,6 +27,7 @@ from tasks.store.run_lock import lock_if_free
 
 #: Names another folder for the state.
 STATE_VARIABLE = "AEROCAL_STATE"
+STATE_OPTION = "--state"
 
 
 @dataclass(frozen=True)
@@ -96,17 +97,8 @@ def make_private(folder: Path) -> None:
     InstallationError
         If it cannot be made.
     """
-    try:
+    with writing_into(folder, STATE_OPTION):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError as error:
-        raise _not_writable(folder, error) from error
-
-
-def _not_writable(folder: Path, error: OSError) -> InstallationError:
-    return InstallationError(
-        f"{folder} cannot be written ({error.strerror}).",
-        "Change its permissions, or name another folder with --state.",
-    )
 
 
 @contextmanager
@@ -119,10 +111,8 @@ def the_only_server(folder: Path) -> Iterator[None]:
         If another one lives, or the folder cannot be written.
     """
     make_private(folder)
-    try:
+    with writing_into(folder, STATE_OPTION):
         handle = os.open(folder / "serve.lock", os.O_RDWR | os.O_CREAT, 0o600)
-    except OSError as error:
-        raise _not_writable(folder, error) from error
     try:
         _hold(handle, folder)
         try:
@@ -231,7 +221,7 @@ def bring_password_to(address: str, folder: Path | None = None) -> None:
 
 
 def _write_privately(file: Path, text: str) -> None:
-    with writing_into(file.parent):
+    with writing_into(file.parent, STATE_OPTION):
         temporary = file.with_suffix(".new")
         temporary.unlink(missing_ok=True)
         handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

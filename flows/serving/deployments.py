@@ -10,7 +10,7 @@ import shlex
 import sys
 import time
 from collections.abc import Awaitable, Callable, Sequence
-from functools import wraps
+from functools import partial, wraps
 from typing import Any
 
 import httpx
@@ -108,26 +108,22 @@ def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitabl
 def deployments(settings: Settings) -> list[RunnerDeployment]:
     """The deployments for these options; to be called outside an event loop."""
     made = [_of(story, MANUAL, "Started manually.") for story in STORIES]
+    by = partial(Cron, timezone=settings.timezone)
     if settings.inbox is not None:
         story = next(one for one in STORIES if one.name == settings.story)
         made.append(_of(story, ON_DELIVERY, "Started for each complete delivery of the inbox."))
-    by_schedule = (
-        (settings.inbox, inbox, NIGHTLY, "Searches the inbox and starts runs for new deliveries."),
-        (
-            settings.recalibration_cron,
-            recalibration_due,
-            RECALIBRATION_DUE,
+        words = "Searches the inbox and starts runs for new deliveries."
+        schedule = by(settings.cron) if settings.cron else None
+        made.append(_of(inbox, NIGHTLY, words, schedule=schedule, parameters={"story": settings.story}))
+    if settings.recalibration_cron is not None:
+        words, schedule = (
             "Searches the registry for calibrations that are due.",
-        ),
-        (settings.keep_days, clean_up, CLEAN_UP, "Every night."),
-    )
-    crons = {NIGHTLY: settings.cron, RECALIBRATION_DUE: settings.recalibration_cron, CLEAN_UP: _DAILY}
-    parameters = {NIGHTLY: {"story": settings.story}, CLEAN_UP: {"keep_days": settings.keep_days}}
-    for wanted, flow, name, words in by_schedule:
-        if wanted is not None:
-            cron = crons[name]
-            schedule = Cron(cron, timezone=settings.timezone) if cron else None
-            made.append(_of(flow, name, words, schedule=schedule, parameters=parameters.get(name)))
+            by(settings.recalibration_cron),
+        )
+        made.append(_of(recalibration_due, RECALIBRATION_DUE, words, schedule=schedule))
+    if settings.keep_days is not None:
+        parameters = {"keep_days": settings.keep_days}
+        made.append(_of(clean_up, CLEAN_UP, "Every night.", schedule=by(_DAILY), parameters=parameters))
     return made
 
 

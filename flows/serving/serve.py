@@ -29,6 +29,7 @@ from flows.server.server_process import (
 )
 from flows.server.settings import Settings
 from flows.server.state_file import (
+    STATE_OPTION,
     RunningServer,
     bring_password_to,
     find_server,
@@ -303,7 +304,7 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
 @contextmanager
 def _own_name(state: Path) -> Iterator[str]:
     """The first of the names runner-2, runner-3, … that no other runner of this folder has."""
-    with writing_into(state):
+    with writing_into(state, STATE_OPTION):
         for number in itertools.count(2):
             handle = os.open(state / f"runner-{number}.lock", os.O_RDWR | os.O_CREAT, 0o600)
             if lock_if_free(handle):

@@ -110,7 +110,7 @@ class Database:
         """A transaction that may write; the folder of a file is made."""
         file = self.address.file
         if file is not None:
-            with writing_into(file.parent):
+            with writing_into(file.parent, self.address.holding.named_by):
                 file.parent.mkdir(parents=True, exist_ok=True)
         with in_words(self.address), connected_for_writing(self.engine) as connection, connection.begin():
             yield connection

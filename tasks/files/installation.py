@@ -50,8 +50,12 @@ class InstallationError(AerocalError):
 
 
 @contextmanager
-def writing_into(folder: Path) -> Iterator[None]:
+def writing_into(folder: Path, option: str = "--out") -> Iterator[None]:
     """Turn "no space left", "permission denied" and the like while writing into one clear sentence.
+
+    Parameters
+    ----------
+    option : names another folder.
 
     Raises
     ------
@@ -64,7 +68,7 @@ def writing_into(folder: Path) -> Iterator[None]:
         if error.errno in _FULL:
             raise InstallationError(
                 f"There is no space left on the disk of {visible(str(folder), _SHOWN)}.",
-                "Free some space or choose another folder with --out, then run again; "
+                f"Free some space or choose another folder with {option}, then run again; "
                 "nothing half-written was kept.",
             ) from error
         # Of a file that is given its name, the name.
@@ -72,7 +76,7 @@ def writing_into(folder: Path) -> Iterator[None]:
         if error.errno in _REFUSED and _within(file, folder):
             raise InstallationError(
                 f"{visible(str(file or folder), _SHOWN)} cannot be written ({error.strerror}).",
-                "Make it available and writable, or choose another folder with --out.",
+                f"Make it available and writable, or choose another folder with {option}.",
             ) from error
         raise
 

@@ -165,24 +165,6 @@ PAUSES_S: Mapping[State, tuple[int, ...]] = {
 LONGEST_PAUSE_S = max(pause for pauses in PAUSES_S.values() for pause in pauses)
 
 
-def next_beginning(state: State, attempts: int, now: datetime) -> datetime | None:
-    """When a run that ended for a temporary reason is restarted.
-
-    Parameters
-    ----------
-    state : in which it has ended.
-    attempts : how often it was started.
-
-    Returns
-    -------
-    time : None if it is not started again by itself.
-    """
-    pauses = PAUSES_S.get(state, ())
-    if attempts > len(pauses):
-        return None
-    return now + timedelta(seconds=pauses[attempts - 1])
-
-
 def ending(attempts: int, state: State, message: str, *, may_pass: bool) -> dict[str, object]:
     """What is noted of every end: its state, and when the run is started again by itself.
 
@@ -191,11 +173,12 @@ def ending(attempts: int, state: State, message: str, *, may_pass: bool) -> dict
     attempts : how often it was started.
     may_pass : whether the reason may be gone another time; then the message says what happens next.
     """
-    now = datetime.now(UTC)
-    again_at = next_beginning(state, attempts, now) if may_pass else None
-    if again_at is not None:
+    now, again_at = datetime.now(UTC), None
+    pauses = PAUSES_S.get(state, ()) if may_pass else ()
+    if attempts <= len(pauses):
+        again_at = now + timedelta(seconds=pauses[attempts - 1])
         message += f" It is restarted after {again_at:%H:%M} UTC."
-    elif may_pass and state in PAUSES_S:
+    elif pauses:
         times = "once" if attempts == 1 else f"{attempts} times"
         message += f" It was started {times} and is not restarted automatically."
     return {"state": state, "ended": now, "message": message, "again_at": again_at}

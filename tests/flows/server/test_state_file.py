@@ -15,10 +15,13 @@ from flows.server.state_file import (
     FoundServer,
     RunningServer,
     find_server,
+    keep_link,
+    make_private,
     the_only_server,
     write_state,
 )
 from tasks.files.installation import InstallationError
+from tasks.production.records import Records
 
 SERVER = RunningServer("http://127.0.0.1:9/api", os.getpid())
 
@@ -36,6 +39,17 @@ def test_the_state_file_is_private(tmp_path: Path) -> None:
         write_state(tmp_path / "new", SERVER)
         for path, mode in ((tmp_path / "new", 0o700), (tmp_path / "new" / "serve.json", 0o600)):
             assert stat.S_IMODE(path.stat().st_mode) == mode
+
+
+def test_a_folder_that_cannot_be_written_is_said_with_the_option_for_another(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InstallationError, match="--state"):
+        make_private(tmp_path / "file" / "state")
+    (tmp_path / "link.new").mkdir()
+    with pytest.raises(InstallationError, match="--state"):
+        keep_link(tmp_path, "http://127.0.0.1:4200/enter#key")
+    with pytest.raises(InstallationError, match="--database"):
+        Records.at(str(tmp_path / "file" / "records.sqlite")).prepare()
 
 
 def test_a_second_server_is_refused_and_harms_nothing(tmp_path: Path) -> None:
