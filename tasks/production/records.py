@@ -33,6 +33,7 @@ from tasks.production.run_record import (
     StageTime,
     State,
     ending,
+    given_up,
 )
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
 from tasks.production.variable import RECORDS_VARIABLE
@@ -132,7 +133,7 @@ class Records(Database):
         with self.writing() as connection:
             known = _record_of(connection, run_id)
             if known is not None and known.again_at is not None:
-                _update(connection, run_id, again_at=None)
+                _update(connection, run_id, **given_up(known.message))
                 _tell(connection, run_id)
 
     def end(

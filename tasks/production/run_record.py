@@ -9,6 +9,7 @@ needs more memory than there is) must not go round for ever: then the run stays 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -182,3 +183,9 @@ def ending(attempts: int, state: State, message: str, *, may_pass: bool) -> dict
         times = "once" if attempts == 1 else f"{attempts} times"
         message += f" It was started {times} and is not restarted automatically."
     return {"state": state, "ended": now, "message": message, "again_at": again_at}
+
+
+def given_up(message: str) -> dict[str, object]:
+    """What is noted of an end with this message after which the run is not started again after all."""
+    said = re.sub(r" It is restarted after \d\d:\d\d UTC\.$", "", message)
+    return {"message": f"{said} It is not restarted automatically.", "again_at": None}

@@ -14,6 +14,7 @@ import pytest
 from sqlalchemy import text, update
 
 from tasks.errors import InputError
+from tasks.production.outbox import Outbox
 from tasks.production.records import Records, configured_records
 from tasks.production.run_record import RunRecord, StageTime, project_name
 from tasks.production.tables import SCHEMA
@@ -144,6 +145,17 @@ def test_what_may_pass_is_tried_again_and_what_may_not_is_not(records: Records) 
         records.lose("one", state, "as asked")  # type: ignore[arg-type]
         assert records.due(later) == ()
         assert found(records).message == "as asked"
+
+
+def test_a_run_that_nobody_can_begin_again_is_not_said_to_be(records: Records) -> None:
+    """One that a command has started, e.g."""
+    records.begin(RUN)
+    records.end("one", "Failed", "The disk is full.", may_pass=True)
+    assert "The disk is full. It is restarted after" in found(records).message
+    records.give_up("one")
+    assert found(records).message == "The disk is full. It is not restarted automatically."
+    (notice,) = Outbox(records).waiting()
+    assert notice.message == found(records).message
 
 
 def test_a_run_that_began_before_its_delivery_was_noted_belongs_to_it(records: Records) -> None:
