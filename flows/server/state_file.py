@@ -13,6 +13,7 @@ import contextlib
 import fcntl
 import os
 import secrets
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ from tasks.store.run_lock import lock_if_free
 #: Names another folder for the state.
 STATE_VARIABLE = "AEROCAL_STATE"
 STATE_OPTION = "--state"
+#: A command that looks whether a server lives holds its lock for an instant, and not for so long, s.
+_LOOK_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,11 @@ def the_only_server(folder: Path) -> Iterator[None]:
 
 
 def _hold(handle: int, folder: Path) -> None:
-    if not lock_if_free(handle):
+    until = time.monotonic() + _LOOK_S
+    while not lock_if_free(handle):
+        if time.monotonic() < until:
+            time.sleep(0.02)
+            continue
         found = find_server(folder)
         where = f" at {found.server.url} (process {found.server.pid})" if found is not None else ""
         raise InstallationError(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 from urllib.parse import quote
 
-from pydantic import TypeAdapter
+from pydantic import OnErrorOmit, TypeAdapter
 
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
@@ -78,7 +78,8 @@ class Notice:
     ended: str
     problems: tuple[str, ...] = ()
     sigma0: float | None = None
-    gates: tuple[GateResult, ...] = ()
+    # A gate as an earlier version wrote it must not keep all notices waiting.
+    gates: tuple[OnErrorOmit[GateResult], ...] = ()
 
     @property
     def subject(self) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import stat
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -71,6 +73,17 @@ def killed_server(folder: Path) -> RunningServer:
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == -9
     return SERVER
+
+
+def test_a_command_that_looks_for_the_server_does_not_keep_it_from_starting(tmp_path: Path) -> None:
+    look = os.open(tmp_path / "serve.lock", os.O_RDWR | os.O_CREAT)
+    fcntl.flock(look, fcntl.LOCK_SH)
+    timer = threading.Timer(0.1, os.close, [look])
+    timer.start()
+    with the_only_server(tmp_path):
+        write_state(tmp_path, SERVER)
+        assert find_server(tmp_path) == FoundServer(SERVER, alive=True)
+    timer.join()
 
 
 def test_a_killed_server_is_known_to_be_dead_though_its_number_lives(tmp_path: Path) -> None:

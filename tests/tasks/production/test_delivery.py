@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -21,7 +22,7 @@ from tasks.production.notice import USUAL, Links, Notice
 from tasks.production.notice_addresses import configured_addresses
 from tasks.production.outbox import PATIENCE, Courier, Outbox
 from tasks.production.records import Records, write_notice
-from tasks.production.tables import NOTICE_DELIVERIES
+from tasks.production.tables import NOTICE_DELIVERIES, NOTICES
 from tests.conftest import Start
 from tests.ports import free_port
 from tests.tasks.production.ended_runs import ended_run
@@ -141,6 +142,20 @@ def test_many_notices_for_an_address_that_is_down_keep_no_other_waiting(
         both = courier(f"json://127.0.0.1:{free_port('127.0.0.1')}", web.address)
         assert both.deliver() == 205
         assert {one["notice"]["id"] for one in web.accepted} == {str(number) for number in range(205)}
+
+
+def test_a_notice_with_a_gate_of_an_earlier_version_is_delivered(
+    records: Records, courier: Callable[..., Courier]
+) -> None:
+    ended_run(records)
+    (notice,) = Outbox(records).waiting()
+    content = json.loads(notice.to_text())
+    content["gates"].append({"name": "sigma0", "passed": False})
+    with records.writing() as connection:
+        connection.execute(update(NOTICES).values(content=json.dumps(content)))
+    with web_receiver() as web:
+        assert courier(web.address).deliver() == 0
+        assert web.accepted[0]["notice"]["gates"] == notice.payload(LINKS)["gates"]
 
 
 def test_a_clock_that_ran_ahead_delays_no_notice(records: Records, courier: Callable[..., Courier]) -> None:
