@@ -59,7 +59,6 @@ def project_grid(rows: Sequence[ProjectRow], dashboard: str) -> dag.AgGrid:
             "enableCellTextSelection": True,
             "suppressColumnVirtualisation": True,
         },
-        csvExportParams={"fileName": "projects.csv", "processCellCallback": {"function": "csvCell(params)"}},
         dangerously_allow_code=False,
         style={"height": None, "width": "100%"},
     )

@@ -31,7 +31,8 @@ var dagcomponents = (window.dashAgGridComponentFunctions = window.dashAgGridComp
 
   dagfuncs.age = function (time) {
     if (!time) return "";
-    return spoken(Math.max(0, (Date.now() - Date.parse(time)) / 1000));
+    const now = Date.now() - window.aerocal.answer.ahead;
+    return spoken(Math.max(0, (now - Date.parse(time)) / 1000));
   };
 
   dagfuncs.duration = function (params) {

@@ -2,6 +2,8 @@
 "use strict";
 
 window.aerocal = {
+  /* The server's last answer, and by the clock of this browser: when it came, and how far that clock is ahead, ms. */
+  answer: { time: null, came: 0, ahead: 0 },
   /* Page of a run in Prefect. */
   runPage: function (dashboard, run) {
     return dashboard + "/v2/runs/flow-run/" + encodeURIComponent(run);
@@ -60,10 +62,14 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
 
     /* Ages grow; a page whose server is silent says so. */
     tick: function (_ticks, refreshed) {
+      const answer = window.aerocal.answer;
+      if (refreshed && refreshed !== answer.time) Object.assign(answer, {
+        time: refreshed, came: performance.now(), ahead: Date.now() - Date.parse(refreshed),
+      });
       window.dash_ag_grid.getApiAsync("projects").then((grid) =>
         grid.refreshCells({ columns: ["changed", "seconds"], force: true }));
       if (!refreshed) return "";
-      const silent = (Date.now() - Date.parse(refreshed)) / 1000;
+      const silent = (performance.now() - answer.came) / 1000;
       return silent < 45 ? "" : "No answer for " + Math.round(silent) +
         " s: what you see is old. Is aerocal serve still running?";
     },

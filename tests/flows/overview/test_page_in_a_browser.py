@@ -1,0 +1,48 @@
+"""The production page in a real browser, whose clock may differ from the server's."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from flows.overview.application import page_server
+from flows.overview.sources import Sources
+from flows.server.door import basic
+from tasks.production.records import Records
+from tests.flows.overview.conftest import DOOR
+from tests.ports import free_port
+from tests.tasks.production.runs import ended, run
+
+pytestmark = pytest.mark.service
+
+
+def _ticks(page: Page) -> None:
+    page.clock.fast_forward(11_000)
+    page.wait_for_timeout(1_500)
+
+
+@pytest.mark.parametrize("hours", [-1, 0, 1])
+def test_a_page_knows_how_old_things_are_and_when_its_server_is_silent(
+    sources: Sources, records: Records, browser: Browser, hours: int
+) -> None:
+    page, port = (
+        browser.new_page(extra_http_headers={"Authorization": basic(DOOR.password)}),
+        free_port("127.0.0.1"),
+    )
+    ended(records, run("block-7"))
+    page.clock.install(time=datetime.now(UTC) + timedelta(hours=hours))
+    with page_server(sources, "127.0.0.1", port):
+        page.goto(f"http://127.0.0.1:{port}/")
+        expect(page.locator("#said")).to_contain_text("refreshed", timeout=60_000)
+        for _ in range(3):
+            _ticks(page)
+        assert page.locator("#silent").inner_text() == ""
+        age = page.locator(".ag-row [col-id=changed]").inner_text()
+        assert re.fullmatch(r"[1-9][\d.]* (s|min)", age), age
+    for _ in range(6):
+        _ticks(page)
+    expect(page.locator("#silent")).to_contain_text("No answer for")
+    page.close()
