@@ -40,8 +40,8 @@ def _show(outcome: RunOutcome) -> None:
     print_listed(console, summary.problems, "yellow")
     for gate in summary.gates:
         if not gate.passed:
-            value = "none" if gate.value is None else f"{gate.value:g}"
-            console.print(Text(f"Gate {gate.name}: {value}, limit {gate.limit:g}: failed", style="red"))
+            value, limit = gate.words
+            console.print(Text(f"Gate {gate.name}: {value}, limit {limit}: failed", style="red"))
     figures = (summary.model_extra or {}).get("image_quality")
     if figures is not None:
         console.print(_bands(figures))

@@ -115,10 +115,7 @@ def detail_part(
     if run.state in REMEDIES:
         parts += [html.H3("What to do"), html.P(REMEDIES[run.state])]
     if run.figures.gates:
-        rows = [
-            (gate.name, _figure(gate), _bound(gate), "passed" if gate.passed else "▲ not passed")
-            for gate in run.figures.gates
-        ]
+        rows = [_gate(gate) for gate in run.figures.gates]
         parts += [html.H3("Gates"), _table(("Figure", "Value", "Limit", ""), rows)]
     older = [
         _ended(one, f"{one.scheduled.astimezone():%Y-%m-%d %H:%M}", now, dashboard)
@@ -166,9 +163,11 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[Part]]) -> Part:
     )
 
 
-def _figure(gate: GateResult) -> str:
-    return "not available" if gate.value is None else f"{gate.value:.4g} {unit_words(gate.unit)}"
-
-
-def _bound(gate: GateResult) -> str:
-    return f"{'≤' if gate.bound == 'max' else '≥'} {gate.limit:.4g} {unit_words(gate.unit)}"
+def _gate(gate: GateResult) -> Sequence[Part]:
+    (value, limit), unit = gate.words, unit_words(gate.unit)
+    return (
+        gate.name,
+        "not available" if gate.value is None else f"{value} {unit}",
+        f"{'≤' if gate.bound == 'max' else '≥'} {limit} {unit}",
+        "passed" if gate.passed else "▲ not passed",
+    )

@@ -233,7 +233,8 @@ def _of_priors(residuals: pd.DataFrame, limits: AcceptanceLimits) -> Iterator[Ob
 def _of_gates(gates: tuple[GateResult, ...]) -> Iterator[Objection]:
     for gate in gates:
         if not gate.passed:
-            value = "no such figure" if gate.value is None else f"{gate.value:.4g}"
+            value, limit = gate.words
+            value = "no such figure" if gate.value is None else value
             unit = "" if gate.unit == "1" else f" {gate.unit}"
             sign = "≤" if gate.bound == "max" else "≥"
-            yield True, f"The gate {gate.name} failed: {value}, {sign} {gate.limit:g}{unit} is required."
+            yield True, f"The gate {gate.name} failed: {value}, {sign} {limit}{unit} is required."

@@ -179,8 +179,8 @@ def wanted_kinds(text: str) -> frozenset[NoticeKind]:
 def _unmet(gate: GateResult) -> str:
     """A limit that is not met."""
     sign, unit = ">=" if gate.bound == "min" else "<=", "" if gate.unit == "1" else f" {gate.unit}"
-    value = "none" if gate.value is None else f"{gate.value:.4g}"
-    return f"Not met: {gate.name} = {value}{unit}, limit {sign} {gate.limit:.4g}{unit}"
+    value, limit = gate.words
+    return f"Not met: {gate.name} = {value}{unit}, limit {sign} {limit}{unit}"
 
 
 def _line(text: str) -> str:

@@ -50,6 +50,17 @@ class GateResult(BaseModel, frozen=True):
     bound: Literal["max", "min"] = "max"
     passed: bool
 
+    @property
+    def words(self) -> tuple[str, str]:
+        """Value and limit as numbers, the value with digits that tell on which side of its limit it is."""
+        text, limit = "none", f"{self.limit:.15g}"
+        for digits in range(4, 18) if self.value is not None else ():
+            text = f"{self.value:.{digits}g}"
+            shown = float(text)
+            if self.passed == (shown <= self.limit if self.bound == "max" else shown >= self.limit):
+                break
+        return text, limit
+
 
 def tested_gates(gates: Gates, figures: Mapping[str, JSON]) -> tuple[tuple[GateResult, ...], tuple[str, ...]]:
     """Test all gates of a project.

@@ -19,6 +19,8 @@ from flask.testing import FlaskClient
 from flows.overview.application import page_server
 from flows.overview.sources import Sources
 from flows.server.inbox import Scheduled
+from tasks.production.notice import Links
+from tasks.production.outbox import Outbox
 from tasks.production.records import Records
 from tests.ports import free_port
 from tests.tasks.production.runs import ended, run, summary
@@ -318,6 +320,16 @@ def test_a_selected_project_tells_its_gates_problems_and_older_runs(
     for text in ("Strip 3 contradicts", "sigma0", "≤ 1.2", "▲ not passed", "exposures.csv is not there."):
         assert text in told
     assert asked(client, "detail.children", [[{"run": "unknown"}]], [])["detail"]["children"] is None
+
+
+def test_a_gate_missed_by_little_shows_a_value_beyond_its_limit(
+    sources: Sources, browse: Browse, records: Records
+) -> None:
+    run_id = ended(records, run("block-7"), "GateFailed", figures=summary(1.20004)).id
+    told = json.dumps(asked(browse(sources), "detail.children", [[{"run": run_id}]], []), ensure_ascii=False)
+    assert '"1.20004 ' in told
+    (notice,) = Outbox(records).waiting()
+    assert "Not met: sigma0 = 1.20004, limit <= 1.2" in notice.text(Links())
 
 
 @pytest.mark.parametrize(

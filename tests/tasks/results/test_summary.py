@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tasks.files.json_text import JSON
 from tasks.results import quality_gates
+from tasks.results.quality_gates import GateResult
 from tasks.results.summary import failed_summary, read_summary, summary_of, write_summary
 from tasks.settings.quality import AxisGate, Gate, Gates
 from tasks.store.notes import Notes
@@ -159,3 +161,23 @@ def test_a_run_without_a_result_has_the_same_fields(tmp_path: Path) -> None:
     assert content["status"] == "input_error"
     assert content["problems"] == ["The file is empty."]
     assert content["sigma0"] is None
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "bound", "expected"),
+    [
+        (1.5, 1.2, "max", ("1.5", "1.2")),
+        (1.20004, 1.2, "max", ("1.20004", "1.2")),
+        (1.2000000004, 1.20000000035, "max", ("1.2000000004", "1.20000000035")),
+        (0.0499996, 0.05, "min", ("0.0499996", "0.05")),
+        (1.19997, 1.19998, "max", ("1.19997", "1.19998")),
+        (123456.0, 120000.0, "max", ("1.235e+05", "120000")),
+        (None, 0.05, "max", ("none", "0.05")),
+    ],
+)
+def test_a_figure_beyond_its_limit_does_not_look_like_one_that_meets_it(
+    value: float | None, limit: float, bound: Any, expected: tuple[str, str]
+) -> None:
+    passed = value is not None and (value <= limit if bound == "max" else value >= limit)
+    gate = GateResult(name="sigma0", value=value, limit=limit, unit="1", bound=bound, passed=passed)
+    assert gate.words == expected
