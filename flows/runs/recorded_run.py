@@ -39,10 +39,12 @@ class FlowRunIdentity:
     ----------
     id : of the flow run.
     story : name of the flow.
+    deployed : whether a runner can begin it again; no other one says so.
     """
 
     id: str
     story: str
+    deployed: bool = True
 
 
 def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdentity) -> RunOutcome:
@@ -69,10 +71,11 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
     try:
         outcome = carry_out(story, request)
     except AerocalError as error:
-        ended("Failed", str(error), failed_stage=error.stage, may_pass=True)
+        ended("Failed", str(error), failed_stage=error.stage, may_pass=identity.deployed)
         raise
     except (OSError, MemoryError) as error:
-        ended("Failed", f"Failure of the machine: {type(error).__name__}: {error}.", may_pass=True)
+        message = f"Failure of the machine: {type(error).__name__}: {error}."
+        ended("Failed", message, may_pass=identity.deployed)
         raise
     except Exception as error:
         ended("Failed", f"A defect of aerocal: {type(error).__name__}: {error}")

@@ -35,9 +35,9 @@ def state_of(outcome: RunOutcome) -> State[None]:
     return Failed(name=outcome.state, message=outcome.message)
 
 
-def identity() -> FlowRunIdentity:
+def identity(*, deployed: bool = True) -> FlowRunIdentity:
     """The identity of the active flow run on the server."""
-    return FlowRunIdentity(str(flow_run.id), str(flow_run.flow_name))
+    return FlowRunIdentity(str(flow_run.id), str(flow_run.flow_name), deployed)
 
 
 def show(text: ShortText) -> None:
@@ -73,7 +73,7 @@ def run_and_report(request: RunRequest, name: str, story: Callable[[], Story]) -
     ended: list[RunOutcome] = []
 
     def run(project_file: str, out: str | None, overrides: list[str], data: str | None) -> State[None]:  # noqa: ARG001 - shown by the server
-        outcome = carry_out_recorded(story(), request, identity())
+        outcome = carry_out_recorded(story(), request, identity(deployed=False))
         show(text_of_outcome(outcome, request, identity()))
         ended.append(outcome)
         return state_of(outcome)

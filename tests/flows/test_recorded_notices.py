@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import errno
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from sqlalchemy import create_engine, text
 
-from flows.runs.recorded_run import FlowRunIdentity, tell_without_record
+from flows.runs.project_run import RunRequest
+from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded, tell_without_record
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records
 from tasks.production.variable import RECORDS_VARIABLE
+from tasks.results.summary import Summary
 from tests.tasks.production.ended_runs import ended_run
 
 
@@ -27,6 +31,25 @@ def test_a_calibration_that_is_due_is_told_once_for_a_run(
     (notice,) = Outbox(Records.at(address)).waiting()
     assert (notice.kind, notice.message) == ("recalibration", "UCE-1 expires in 12 days.")
     assert notice.subject == "RecalibrationDue: registry (recalibration-due)"
+
+
+@pytest.mark.parametrize("deployed", [True, False])
+def test_only_a_run_that_a_runner_can_begin_again_is_said_to_be_restarted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write_project: Callable[..., Path], deployed: bool
+) -> None:
+    def story(_project: object, _store: object) -> Summary:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setenv(RECORDS_VARIABLE, str(tmp_path / "records.sqlite"))
+    request = RunRequest(write_project(tmp_path / "block"))
+    with pytest.raises(OSError, match="No space"):
+        carry_out_recorded(story, request, FlowRunIdentity("1", "aerial-triangulation", deployed))
+    records = Records.at(str(tmp_path / "records.sqlite"))
+    (run,) = records.runs()
+    assert (run.state, run.again_at is not None, run.has_ended) == ("Failed", deployed, not deployed)
+    assert ("restarted" in run.message) == deployed
+    # Whoever waits for nothing is told at once.
+    assert len(Outbox(records).waiting()) == (0 if deployed else 1)
 
 
 def test_records_from_before_there_was_an_outbox_get_one(tmp_path: Path) -> None:
