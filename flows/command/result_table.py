@@ -178,7 +178,9 @@ def _gates(summary: Summary) -> Table:
         sign = "≤" if gate.bound == "max" else "≥"
         unit = "" if gate.unit == "1" else f" {gate.unit}"
         verdict = Text("passed", style="green") if gate.passed else Text("failed", style="bold red")
-        table.add_row(gate.name, f"{figure(gate.value, 3)}{unit}", f"{sign} {gate.limit:g}{unit}", verdict)
+        beyond, limit = gate.words
+        value = figure(gate.value, 3) if gate.passed or gate.value is None else beyond
+        table.add_row(gate.name, f"{value}{unit}", f"{sign} {limit}{unit}", verdict)
     return table
 
 

@@ -92,6 +92,18 @@ def test_a_failed_gate_ends_with_4_and_keeps_the_outputs(warm_block: Path) -> No
     assert (warm_block.parent / "results" / "object_points.parquet").is_file()
 
 
+def test_a_gate_missed_by_little_is_shown_with_the_digits_that_tell(warm_block: Path) -> None:
+    sigma0 = float(summary(warm_block.parent / "results")["sigma0"])  # type: ignore[arg-type]
+    limit = round(sigma0 - 1e-5, 6)
+    done = aerocal("run", warm_block, "--set", f"gates.sigma0.max={limit}")
+    assert done.returncode == 4, done.stderr
+    (line,) = (line.split() for line in done.stdout.splitlines() if "sigma0" in line and "≤" in line)
+    shown = [float(word) for word in line if word.replace(".", "").isdigit()]
+    assert shown[1] == limit
+    assert shown[0] > limit
+    assert shown[0] == pytest.approx(sigma0, abs=1e-5)
+
+
 def test_an_unknown_key_ends_with_2_and_names_the_nearest(block: Path) -> None:
     done = aerocal("run", block, "--set", "adjustment.rejektion=none")
     assert done.returncode == 2
