@@ -98,8 +98,9 @@ def photon_transfer(
         raise ValueError("the variance does not rise with the signal")
     gain = 1.0 / slope
     read = np.sqrt(max(offset, 0.0))
-    # r = g √o: both move.
-    by = np.array([gain / (2.0 * read) if read > 0.0 else 0.0, -read * gain**2])
+    # r = g √o: both move. An o below zero may be as large as its σ, and r as its root.
+    of_offset = gain / (2.0 * read) if read > 0.0 else gain / normal[0, 0] ** 0.25
+    by = np.array([of_offset, -read * gain**2])
     residual = y - design @ np.array([offset, slope])
     statistic = float(np.sum(weight * residual**2) / max(len(x) - 2, 1))
     return PhotonTransfer(

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.image_quality.change import critical_change
 from tasks.document_kit.table import Number, decimals_for
 from tasks.errors import Location
 from tasks.files.json_text import JSON
@@ -34,7 +35,7 @@ from tasks.tables.schemas.image_quality import (
     SENSOR_SHEETS,
 )
 
-#: Change in its standard deviations beyond which a mean has drifted: by chance once in a thousand times.
+#: Change in known standard deviations beyond which a mean has drifted: by chance once in a thousand times.
 LIMIT = 3.29
 _REMEDY = "Name the folder of results of `aerocal image-quality`."
 _KEY = ["band", "direction", "zone"]
@@ -49,7 +50,8 @@ def drift_table(means: pd.DataFrame, earlier: Path) -> pd.DataFrame:
         If the file is not a table of means, or has none of them.
     """
     then, _ = read_foreign_table(earlier, EDGE_MEANS, _REMEDY)
-    both = means.merge(then[[*_KEY, "factor", "sigma_factor"]], on=_KEY, suffixes=("", "_then"))
+    kept = [*_KEY, "factor", "sigma_factor", "edges", "method"]
+    both = means.merge(then[kept], on=_KEY, suffixes=("", "_then"))
     if both.empty:
         raise Location(earlier).error(
             "The earlier results have none of the bands.", "Name results of the same camera."
@@ -58,15 +60,22 @@ def drift_table(means: pd.DataFrame, earlier: Path) -> pd.DataFrame:
     change: Floats = values[:, 0] - values[:, 1]
     sigma: Floats = np.hypot(values[:, 2], values[:, 3])
     t: Floats = change / np.where(sigma > 0.0, sigma, np.nan)
+    degrees = np.column_stack([_degrees_of_mean(both, suffix) for suffix in ("", "_then")])
     drift = both[_KEY].assign(
         earlier=both["factor_then"],
         factor=both["factor"],
         change=change,
         sigma_change=sigma,
         t=t,
-        drifted=np.abs(t) > LIMIT,
+        drifted=np.abs(t) > critical_change(values[:, 2:], degrees),
     )
     return drift[[column.name for column in EDGE_DRIFT.columns]]
+
+
+def _degrees_of_mean(means: pd.DataFrame, suffix: str) -> Floats:
+    """Degrees of freedom of σ of the factors: of the scatter of edges; the profile has all pixels."""
+    scatter = means[f"edges{suffix}"].to_numpy(np.float64) - 1.0
+    return np.where(means[f"method{suffix}"] == "model", scatter, np.inf)
 
 
 def drift_remarks(drift: pd.DataFrame) -> tuple[str, ...]:
@@ -118,7 +127,7 @@ def quality_drift_table(now: Mapping[str, pd.DataFrame], earlier: Path) -> pd.Da
     return pd.DataFrame(rows, columns=[column.name for column in QUALITY_DRIFT.columns])
 
 
-def _row(band: int, quantity: str, then: float, now: float, sigma: float) -> _Row:
+def _row(band: int, quantity: str, then: float, now: float, sigma: float, critical: float = LIMIT) -> _Row:
     t = (now - then) / sigma if sigma > 0.0 else float("nan")
     return {
         "band": band,
@@ -128,7 +137,7 @@ def _row(band: int, quantity: str, then: float, now: float, sigma: float) -> _Ro
         "change": now - then,
         "sigma_change": sigma,
         "t": t,
-        "drifted": bool(abs(t) > LIMIT),
+        "drifted": bool(abs(t) > critical),
     }
 
 
@@ -156,8 +165,11 @@ def _sheets(now: pd.DataFrame, then: pd.DataFrame) -> Iterator[_Row]:
     """Values with standard deviations."""
     both = now.merge(then, on=["band", "sheet"], suffixes=("", "_then"))
     for _, row in both[both["sheet"].isin(list(_OF_SHEETS))].iterrows():
-        sigma = float(np.hypot(row["sigma"], row["sigma_then"]))
-        yield _row(row["band"], _OF_SHEETS[row["sheet"]], row["value_then"], row["value"], sigma)
+        both_dates = row[["sigma", "sigma_then"]].to_numpy(np.float64)
+        degrees = row[["degrees_of_freedom", "degrees_of_freedom_then"]].to_numpy(np.float64)
+        critical = critical_change(both_dates[None], np.nan_to_num(degrees, nan=np.inf)[None])[0]
+        sigma = float(np.hypot(*both_dates))
+        yield _row(row["band"], _OF_SHEETS[row["sheet"]], row["value_then"], row["value"], sigma, critical)
 
 
 def _defects(

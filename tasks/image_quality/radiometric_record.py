@@ -20,6 +20,7 @@ class RadiometricQuantity(BaseModel, frozen=True, extra="forbid"):
     Attributes
     ----------
     sigma : its standard deviation; None: of a number of defects, or not known.
+    degrees_of_freedom : of sigma; None: it is known, or comes from an older version.
     """
 
     band: int
@@ -27,6 +28,7 @@ class RadiometricQuantity(BaseModel, frozen=True, extra="forbid"):
     value: float
     sigma: float | None
     unit: str
+    degrees_of_freedom: float | None = None
 
 
 class RadiometricRecord(BaseModel, frozen=True, extra="allow"):

@@ -52,6 +52,7 @@ class _Tables:
         threshold: float,
         *,
         sigma: float | None = None,
+        degrees: int | None = None,
         unit: str = "",
         passed: bool | None = None,
     ) -> None:
@@ -66,6 +67,7 @@ class _Tables:
                 "largest_residual": residual,
                 "threshold": threshold,
                 "passed": residual <= threshold if passed is None else passed,
+                "degrees_of_freedom": degrees,
             }
         )
 
@@ -211,7 +213,7 @@ def _series(tables: _Tables, settings: SensorSettings) -> None:
         relative = line.sigma_sensitivity / line.sensitivity
         tables.sheet(
             band + 1, "sensitivity", line.sensitivity, relative, settings.sensitivity_limit,
-            sigma=line.sigma_sensitivity, unit="grey values/ms",
+            sigma=line.sigma_sensitivity, degrees=len(line.mean) - 2, unit="grey values/ms",
         )  # fmt: skip
         residual = (mean - line.dark - line.sensitivity * exposure) / (
             line.sensitivity * exposure[used].max()

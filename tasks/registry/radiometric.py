@@ -27,7 +27,7 @@ from tasks.registry.history import BEGINNING
 from tasks.results.manifest import MANIFEST, published_entry
 
 _REMEDY = "Name the results folder of `aerocal image-quality`."
-#: Change in its standard deviations beyond which a quantity has drifted.
+#: Change in known standard deviations beyond which a quantity has drifted.
 LIMIT = 3.29
 
 
@@ -136,6 +136,7 @@ class QuantityChange:
     ----------
     sigma : of the change; of numbers of defects √(then + now), too large rather than too small.
     t : change / sigma; NaN if it has none.
+    critical : of |t|, beyond which the quantity has drifted.
     """
 
     band: int
@@ -145,11 +146,12 @@ class QuantityChange:
     now: float
     sigma: float
     t: float
+    critical: float = LIMIT
 
     @property
     def drifted(self) -> bool:
         """Whether its standard deviation does not explain it."""
-        return abs(self.t) > LIMIT
+        return abs(self.t) > self.critical
 
     @property
     def sentence(self) -> str:
@@ -163,19 +165,28 @@ class QuantityChange:
 
 def changes(then: RadiometricRecord, now: RadiometricRecord) -> tuple[QuantityChange, ...]:
     """Every quantity that both have, and whose change can be tested."""
+    # Loaded where results are compared alone: it needs scipy.
+    from adjust.image_quality.change import critical_change
+
     before = {(one.band, one.quantity): one for one in then.quantities}
     found = []
     for one in now.quantities:
         old = before.get((one.band, one.quantity))
         if old is None:
             continue
-        counted = one.quantity.startswith("defect")
-        if counted:
+        critical = LIMIT
+        if one.quantity.startswith("defect"):
             sigma = float(np.sqrt(max(old.value + one.value, 1.0)))
         elif one.sigma is None or old.sigma is None:
             continue
         else:
             sigma = float(np.hypot(one.sigma, old.sigma))
+            degrees = [
+                np.inf if of.degrees_of_freedom is None else of.degrees_of_freedom for of in (one, old)
+            ]
+            critical = float(critical_change(np.array([[one.sigma, old.sigma]]), np.array([degrees]))[0])
         t = (one.value - old.value) / sigma if sigma > 0.0 else float("nan")
-        found.append(QuantityChange(one.band, one.quantity, one.unit, old.value, one.value, sigma, t))
+        found.append(
+            QuantityChange(one.band, one.quantity, one.unit, old.value, one.value, sigma, t, critical)
+        )
     return tuple(found)

@@ -76,13 +76,15 @@ def _quantities(material: QualityMaterial) -> Iterator[RadiometricQuantity]:
     """The figures that another date can be compared with."""
     if material.scenes is not None:
         for _, row in material.scenes.whole.iterrows():
-            yield _quantity(row["band"], "factor", row["factor"], row["sigma_factor"], "px")
+            degrees = row["edges"] - 1.0 if row["method"] == "model" else None
+            yield _quantity(row["band"], "factor", row["factor"], row["sigma_factor"], "px", degrees)
     if material.sensor is None:
         return
     for _, row in material.sensor.sheets.iterrows():
         if row["sheet"] in _KEPT:
             quantity, unit = _KEPT[row["sheet"]]
-            yield _quantity(row["band"], quantity, row["value"], row["sigma"], unit)
+            degrees = row["degrees_of_freedom"]
+            yield _quantity(row["band"], quantity, row["value"], row["sigma"], unit, degrees)
 
 
 _KEPT = {
@@ -95,7 +97,9 @@ _KEPT = {
 }
 
 
-def _quantity(band: int, quantity: str, value: float, sigma: float | None, unit: str) -> RadiometricQuantity:
+def _quantity(
+    band: int, quantity: str, value: float, sigma: float | None, unit: str, degrees: float | None
+) -> RadiometricQuantity:
     known = sigma is not None and math.isfinite(sigma)
     return RadiometricQuantity(
         band=int(band),
@@ -103,6 +107,7 @@ def _quantity(band: int, quantity: str, value: float, sigma: float | None, unit:
         value=float(value),
         sigma=float(cast(float, sigma)) if known else None,
         unit=unit,
+        degrees_of_freedom=None if degrees is None or not math.isfinite(degrees) else float(degrees),
     )
 
 

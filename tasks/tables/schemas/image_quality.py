@@ -250,6 +250,12 @@ SENSOR_SHEETS = TableSchema(
         ),
         number("threshold", "", "that it must keep"),
         flag("passed", "whether it does"),
+        number(
+            "degrees_of_freedom",
+            "",
+            "of sigma, where it comes from the residuals of a line; empty where it is known",
+            nullable=True,
+        ),
     ),
     ("band", "sheet"),
 )
