@@ -1,4 +1,4 @@
-"""Changes between two dates: what is unchanged has changed as seldom as is said, with any number of residuals."""
+"""Changes between two dates: what is unchanged has changed as seldom as is said."""
 
 from __future__ import annotations
 
