@@ -18,6 +18,23 @@ _EVERY = 4
 _EIGHT_BITS, _SIXTEEN_BITS = 256, 65_536
 #: Different grey values at least, and median distance between them, of an image that was scaled.
 _FEWEST, _APART = 16, 8
+#: Fewest bits of a sensor whose values stand in 16 bits, and pixels that must have the largest value of them.
+_SENSOR_BITS, _CLIPPED = 10, 16
+
+
+def clipping_value(about: ImageDescription, pixels: Pixels) -> float:
+    """Grey value at which some pixels of a band are clipped: the largest of its type or of a sensor's bits.
+
+    Files seldom say that a sensor has 10 to 15 bits of 16. It is seen where the largest value among these
+    pixels is that of such a sensor, and many of them have it.
+    """
+    if about.dtype != "uint16" or about.bits < 16:
+        return about.largest
+    largest = int(pixels.max(initial=0))
+    is_full = largest >= 2**_SENSOR_BITS - 1 and largest & (largest + 1) == 0
+    if is_full and np.count_nonzero(pixels == largest) >= _CLIPPED:
+        return float(largest)
+    return about.largest
 
 
 @dataclass(eq=False)
@@ -28,21 +45,24 @@ class GreyValues:
     ----------
     about : of its image.
     pixels, clipped, known : number of pixels, of those at the largest value, and of those that take part.
+    largest : that value; of a sensor of fewer bits than its type where it is seen.
     """
 
     about: ImageDescription
     pixels: int = 0
     clipped: int = 0
     known: int = 0
+    largest: float = np.inf
     _seen: Bools = field(default_factory=lambda: np.zeros(_SIXTEEN_BITS, dtype=bool))
 
     def take(self, pixels: Pixels, known: Bools) -> None:
         """Add some rows (rows, columns), with a mask of the pixels that take part."""
+        self.largest = min(self.largest, clipping_value(self.about, pixels))
         rows, known = pixels[::_EVERY], known[::_EVERY]
         self.pixels += rows.size
         self.known += int(np.count_nonzero(known))
         if not self.about.dtype.startswith("float"):
-            self.clipped += int(np.count_nonzero(rows >= self.about.largest))
+            self.clipped += int(np.count_nonzero(rows >= self.largest))
         if self.about.dtype == "uint16":
             self._seen[rows[known]] = True
 
@@ -66,7 +86,7 @@ class GreyValues:
         if self.overexposed is not None:
             yield (
                 f"{name}: {100.0 * self.overexposed:.0f} % of the pixels have the largest value "
-                f"{self.about.largest:.0f}: it is overexposed. These pixels are not used."
+                f"{self.largest:.0f}: it is overexposed. These pixels are not used."
             )
         if self.scaled is not None:
             yield (
@@ -85,7 +105,7 @@ class GreyValues:
         if self.overexposed is not None:
             raise Location(self.about.path).error(
                 f"Band {band} is overexposed: {100.0 * self.overexposed:.0f} % of the pixels have the "
-                f"largest value {self.about.largest:.0f}.",
+                f"largest value {self.largest:.0f}.",
                 "Expose flat images to about half the range.",
             )
         if self.scaled is not None:
@@ -106,7 +126,7 @@ class GreyValues:
             return
         why = "are without data or 0"
         if self.clipped:
-            why = f"have the largest value {self.about.largest:.0f}, or no data"
+            why = f"have the largest value {self.largest:.0f}, or no data"
         raise Location(self.about.path).error(
             f"Band {band} has no pixel that can be examined: all {why}.",
             "Give another image, or the bands in image_quality.bands.",

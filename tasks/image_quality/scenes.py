@@ -20,7 +20,7 @@ from adjust.image_quality.noise import NoiseLevels, TileNoise, noise_levels, noi
 from adjust.options import available_threads
 from tasks.errors import Location
 from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels, opened_image
-from tasks.image_quality.grey_values import GreyValues
+from tasks.image_quality.grey_values import GreyValues, clipping_value
 
 _STRIP = 256
 #: Rows of a strip whose noise stands for that of the strip.
@@ -165,7 +165,8 @@ def _strips(reader: ImageReader) -> Iterator[tuple[int, Pixels, Strip]]:
         if not whole_numbers:
             grey[~np.isfinite(grey)] = np.nan
         else:
-            grey[(pixels <= 0) | (pixels >= about.largest)] = np.nan
+            clipped = [clipping_value(about, band) for band in pixels]
+            grey[(pixels <= 0) | (pixels >= np.reshape(clipped, (-1, 1, 1)))] = np.nan
         valid = reader.valid(rows)
         if valid is not None:
             _leave_out(grey, valid)

@@ -199,6 +199,25 @@ def test_images_of_which_nothing_can_be_examined_are_refused(results: Path, tmp_
     assert "Band 3 cannot be examined: the image has 2 bands" in wrong.stderr
 
 
+def of_twelve_bits(pixels: NDArray[Any]) -> NDArray[Any]:
+    """Overexposed by half of the contrast, in a file that does not say how many of its 16 bits are used."""
+    random = np.random.default_rng(3).normal(0.0, 10.0, pixels.shape)
+    exposed = np.rint(30.0 * pixels.astype(np.float64) + random)
+    return np.clip(exposed, 0, 4095).astype(np.uint16)
+
+
+def test_edges_that_a_sensor_of_fewer_bits_has_clipped_are_not_used(results: Path, tmp_path: Path) -> None:
+    """Clipped edges are narrower: of a blur of 0.4 px, 1.208 px wide, 1.02 to 1.10 px would be left."""
+    found = examined_scene(changed_image(results, tmp_path / "twelve.tif", of_twelve_bits))
+    band = found.bands[0]
+    assert not band.edges.edges
+    assert "of the pixels have the largest value 4095: it is overexposed" in " ".join(
+        band.values.sentences(1)
+    )
+    sound = examined_scene(results.parent / "0.tif").bands[0]
+    assert len(sound.edges.edges) > 20
+
+
 def test_overexposed_and_scaled_images_are_remarked_on(results: Path, tmp_path: Path) -> None:
     def overexposed(pixels: NDArray[Any]) -> NDArray[Any]:
         return np.where(np.arange(pixels.shape[2]) > 400, 255, pixels).astype(np.uint8)
