@@ -3,8 +3,9 @@
     x_id + D(x_id) = x̄ + Δ(x̄)        D of forward sets, Δ of all others
 
 Each side is inverted by iteration. Δ changes by micrometres over centimetres, so each step of the fixed point
-x̄ ← x_id + D − Δ(x̄) shrinks the distance to the solution to some 1e-4 of it; D may be a tenth of the image and
-is inverted by Newton's method. At a seam where Δ jumps there may be no measured point, or two.
+x̄ ← x_id + D − Δ(x̄) shrinks the distance to the solution to some 1e-4 of it; where Δ is a tenth of the image
+and steps swing to and fro, half of each is taken. D may be a tenth of the image and is inverted by Newton's
+method. At a seam where Δ jumps there may be no measured point, or two.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, Ints
 from adjust.camera.additional.evaluation import total_correction
 from adjust.camera.additional.forward import Distortion, undistorted
 from adjust.camera.additional.register import AdditionalParameters
@@ -67,18 +68,36 @@ def measured_from_ideal(
     """
     target = ideal + distortion_at(parameters, values, ideal)
     corrections, own = parameters.only("correction"), values[~parameters.forward]
-    measured, found = target.copy(), np.zeros(len(ideal), dtype=bool)
-    for _ in range(_MOST_STEPS):
-        rows = np.flatnonzero(~found)
-        before = measured[rows]
-        following = target[rows] - total_correction(corrections, before, own)
-        if offset_at is not None:
-            following -= offset_at(before)
-        measured[rows] = following
-        found[rows] = np.abs(following - before).max(axis=1, initial=0.0) < _SETTLED
-        if found.all():
-            break
+
+    def following(rows: Ints, before: Floats) -> Floats:
+        found = target[rows] - total_correction(corrections, before, own)
+        return found if offset_at is None else found - offset_at(before)
+
+    measured, found = _iterated(following, target, np.arange(len(ideal)), 1.0)
+    rows = np.flatnonzero(~found)
+    if len(rows):
+        # Half a step contracts where whole ones swing to and fro, as with a strong barrel distortion.
+        damped, settled = _iterated(following, target[rows], rows, 0.5)
+        measured[rows[settled]], found[rows[settled]] = damped[settled], True
     return measured, found
+
+
+def _iterated(
+    following: Callable[[Ints, Floats], Floats], start: Floats, rows: Ints, part: float
+) -> tuple[Floats, Bools]:
+    """Points (n, 2) after steps of this part of the way, and whether each has settled (n,)."""
+    points, settled = start.copy(), np.zeros(len(start), dtype=bool)
+    for _ in range(round(_MOST_STEPS / part)):
+        left = np.flatnonzero(~settled)
+        before = points[left]
+        # What runs away is not found.
+        with np.errstate(over="ignore", invalid="ignore"):
+            after = following(rows[left], before)
+        points[left] = after if part == 1.0 else before + part * (after - before)
+        settled[left] = np.abs(after - before).max(axis=1, initial=0.0) < _SETTLED
+        if settled.all():
+            break
+    return points, settled
 
 
 def distortion_at(parameters: AdditionalParameters, values: Floats, ideal: Floats) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from adjust.camera.additional.base import ImageFormat
 from adjust.camera.additional.calibration_axes import format_in_calibration_axes
@@ -44,6 +45,18 @@ def test_a_lens_with_three_percent_of_distortion_is_inverted() -> None:
     assert found.all()
     np.testing.assert_allclose(ideal_from_measured(parameters, values, measured), ideal, atol=1e-15)
     assert np.abs(measured - ideal).max() > 450e-6
+
+
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.7])
+def test_a_barrel_distortion_of_a_large_part_of_the_image_is_inverted(part: float) -> None:
+    """Ideal − measured is this part of the radius in the corner of the measured image."""
+    parameters = additional_parameters("brown:K1", ImageFormat(6.6e-3, 4.4e-3))
+    values = np.array([part / (6.6e-3**2 + 4.4e-3**2)])
+    measured = np.random.default_rng(1).uniform(-1.0, 1.0, (200, 2)) * [6.6e-3, 4.4e-3]
+    ideal = ideal_from_measured(parameters, values, measured)
+    again, found = measured_from_ideal(parameters, values, ideal)
+    assert found.all()
+    np.testing.assert_allclose(again, measured, atol=1e-14)
 
 
 def test_points_that_fall_into_the_gap_between_tiles_are_not_found() -> None:
