@@ -187,8 +187,8 @@ def trust_map_sentences(grid: TrustMapGrid | None) -> Iterator[str]:
     """That there is no trust map, though one was requested, or not of the whole area."""
     if grid is None:
         yield (
-            "There is no trust map: the object points span no area that is covered by two images, or a free "
-            "network leaves the datum undetermined."
+            "There is no trust map: the object points span no area that is covered by two images, or less "
+            "than a cell (trust_map.cell_m), or a free network leaves the datum undetermined."
         )
     elif grid.unmapped:
         yield (

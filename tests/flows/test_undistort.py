@@ -117,6 +117,15 @@ def test_images_of_other_formats_and_blocks_are_written_too(results: Path, name:
         np.testing.assert_array_equal(one.read(1), two.read(1))
 
 
+def test_a_band_that_its_file_calls_alpha_is_named(results: Path, name: str, tmp_path: Path) -> None:
+    """Near infrared is called so by programs that write four bands of 8 bits without being told otherwise."""
+    image = written(tmp_path / f"{name}.tif", pixels(4, ROWS, COLUMNS, "uint8"))
+    done = aerocal("undistort", results, image, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "out" / "UNDISTORTED.txt").read_text()
+    assert "; band 4 is alpha by its file: it says which pixels are valid" in " ".join(text.split())
+
+
 def test_what_does_not_fit_is_refused_before_anything_is_written(
     results: Path, name: str, tmp_path: Path
 ) -> None:

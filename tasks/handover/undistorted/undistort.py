@@ -167,7 +167,8 @@ def _carried_out(
             source, found.pixels, folder / job.file, work, lambda part: progress(job.file, part)
         )
         left_out, about = left_out_of(source), source.description
-    return UndistortedImage(job.file, job.camera.frame.name, outside / (about.columns * about.rows), left_out)
+    part, alpha = outside / (about.columns * about.rows), tuple(band + 1 for band in about.alpha)
+    return UndistortedImage(job.file, job.camera.frame.name, part, left_out, alpha)
 
 
 def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | None) -> list[_Job]:
@@ -244,12 +245,14 @@ class UndistortedImage:
     file, camera : their names.
     outside : part of its pixels that lies outside of what was taken, 0 to 1.
     left_out : what of the taken image applies to its pixels only and was not copied.
+    alpha : numbers from 1 of its alpha bands.
     """
 
     file: str
     camera: str
     outside: float
     left_out: tuple[str, ...]
+    alpha: tuple[int, ...] = ()
 
 
 def undistorted_statement(
@@ -287,5 +290,10 @@ def _about_image(one: UndistortedImage) -> str:
     text = (
         f"{one.file}: camera {one.camera}; {100.0 * one.outside:.2f} % of its pixels are outside the "
         "original image"
+    )
+    # Programs write near infrared as such a band, if they are not told otherwise.
+    text += "".join(
+        f"; band {band} is alpha by its file: it says which pixels are valid and is moved to whole pixels"
+        for band in one.alpha
     )
     return text + (f"; without the {' and '.join(one.left_out)} of the image." if one.left_out else ".")

@@ -168,6 +168,7 @@ def test_datum_events_and_trust_map() -> None:
     assert unmapped.endswith("It counts as exceeding every limit.")
     (none,) = trust_map_sentences(None)
     assert none.startswith("There is no trust map")
+    assert "less than a cell (trust_map.cell_m)" in none
 
 
 def component(part: str, **changed: object) -> ComponentFigure:
