@@ -108,6 +108,7 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
         else:
             c = _number(path, group, "FocalLength") * longer / _number(path, group, "SensorSize")
         lens = group.find("Distortion")
+        _refuse_other_distortion(path, name, lens)
         given = {
             ours: _number(path, lens, key)
             for key, ours in _LENS.items()
@@ -133,6 +134,16 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
     if not found:
         raise Location(path).error("There is no camera in the file.", "Export the photo groups.")
     return found
+
+
+def _refuse_other_distortion(path: Path, name: str, lens: ElementTree.Element | None) -> None:
+    """Refuse terms that are not read, unless they are zero."""
+    others = [child.tag for child in lens if child.tag not in _LENS] if lens is not None else []
+    if any(_number(path, lens, tag) for tag in others):
+        raise Location(path, entity=name).error(
+            f"The distortion has {', '.join(others)}; {', '.join(_LENS)} are read.",
+            "Declare the camera in the project file.",
+        )
 
 
 def read_blocks_control(path: Path) -> ControlRecords:

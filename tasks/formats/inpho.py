@@ -41,6 +41,7 @@ from tasks.formats.records import (
     FileStatement,
     ImagePointRecords,
 )
+from tasks.plain_text import quoted
 
 _KEY = re.compile(r"\s*\$(\w+)\s*:(.*)$")
 _BLOCK = re.compile(r"\s*\$(\w+)\b(.*)$")
@@ -306,6 +307,12 @@ def _camera(path: Path, block: _Block) -> CameraRecord:
 
 
 def _refuse_distortion(path: Path, block: _Block) -> None:
+    kind = " ".join(block.words("DISTORTION_TYPE"))
+    if kind.lower() not in ("", "none", "polynomial"):
+        raise Location(path, block.line).error(
+            f"The camera has distortion of the type {quoted(kind)}, which is not read.",
+            "Declare the camera in the project file, with cameras.NAME.additional_parameters.",
+        )
     for key in ("RADIAL_COEFFS", "DECENTRE_COEFFS"):
         for number, words in block.values.get(key, []):
             if any(numbers_of(path, words, len(words), number, "a coefficient")):

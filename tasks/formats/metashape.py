@@ -55,6 +55,8 @@ from tasks.formats.records import (
 from tasks.formats.rigs import Rigs, with_rigs
 from tasks.formats.xml_text import parsed_xml
 
+# Terms of older versions, which later ones have no more.
+_UNREAD = ("p3", "p4", "skew")
 _LENS = {"k1": "k1", "k2": "k2", "k3": "k3", "k4": "k4", "p1": "p2", "p2": "p1"}
 
 
@@ -183,8 +185,14 @@ def _sensor(
     given = {
         child.tag.lower(): number_of(path, child.text or "", 1, child.tag)
         for child in calibration
-        if child.tag.lower() in (*_LENS, "cx", "cy", "b1", "b2", "fx")
+        if child.tag.lower() in (*_LENS, *_UNREAD, "cx", "cy", "b1", "b2", "fx")
     }
+    unread = [theirs for theirs in _UNREAD if given.get(theirs)]
+    if unread:
+        raise Location(path, entity=name).error(
+            f"The calibration has {', '.join(unread)}, which is not read.",
+            "Adjust the chunk without these terms, or declare the camera in the project file.",
+        )
     values = {ours: given.get(theirs, 0.0) for theirs, ours in _LENS.items()}
     values["b1"] = given["fx"] / f - 1.0 if "fx" in given else given.get("b1", 0.0) / f
     values["b2"] = given.get("b2", 0.0) / f

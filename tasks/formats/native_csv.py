@@ -22,6 +22,7 @@ decimal comma, headings of the columns, values of columns that are missing.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -52,6 +53,7 @@ _OURS = TableLayout()
 _SIZE, _LENGTHS = ("columns", "rows"), ("pixel_um", "focal_length_mm")
 # More than any block has.
 _MOST_CAMERAS = 100_000
+_DISTORTION = re.compile(r"[kpb]_?\d", re.IGNORECASE)
 _PRINCIPAL_POINT, _CERTIFIED = ("x0_mm", "y0_mm"), ("width_mm", "height_mm")
 
 
@@ -186,9 +188,10 @@ def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, Ca
         whole number of pixels, or pixels that do not make the image of the stated size.
     """
     required = ("camera", *_SIZE, *_LENGTHS, *_PRINCIPAL_POINT)
-    table, _ = read_table(path, required, _CERTIFIED, (*required[1:], *_CERTIFIED), layout)
+    table, extra = read_table(path, required, _CERTIFIED, (*required[1:], *_CERTIFIED), layout)
     if len(table) > _MOST_CAMERAS:
         raise Location(path).error(f"There are {len(table):,} cameras.", "Deliver those of the block.")
+    _refuse_distortion(table, {name: extra[name] for name in extra if name not in layout.unused})
     found: dict[str, CameraRecord] = {}
     sizes = table.numbers(_SIZE)
     lengths, principal_point = table.numbers(_LENGTHS), table.numbers(_PRINCIPAL_POINT, may_be_empty=True)
@@ -204,6 +207,18 @@ def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, Ca
         columns, rows = map(int, size)
         found[name] = CameraRecord(columns, rows, float(pixel_um), float(focal_mm), (x0, y0))
     return found
+
+
+def _refuse_distortion(table: TextTable, extra: Mapping[str, pa.Array]) -> None:
+    """Refuse columns of distortion (K1, p2, b1 and the like) that are not empty or zero, as none is read."""
+    for name, column in extra.items():
+        given = [bool((text or "").strip("+-0.eE ")) for text in column.to_pylist()]
+        if _DISTORTION.fullmatch(name) and any(given):
+            line = int(table.line[given.index(True)])
+            raise Location(table.layout.file, line, name).error(
+                f"The table has distortion in the column '{name}', which is not read.",
+                f'Declare it in cameras.NAME.additional_parameters, and unused = ["{name}"] for the table.',
+            )
 
 
 def _trouble_of_camera(size: Floats, pixel_um: float, focal_mm: float, stated_mm: Floats) -> str | None:

@@ -10,6 +10,7 @@ from adjust.geometry.rotation import about_x, about_y, about_z, from_omega_phi_k
 from tasks.errors import InputError
 from tasks.formats import blocks_exchange, bundler, inpho, isat, metashape, opensfm, pix4d, realityscan
 from tasks.formats.bingo import read_bingo_control, read_bingo_orientations
+from tasks.formats.native_csv import read_csv_cameras
 from tasks.formats.patb import read_patb_control, read_patb_orientations
 from tasks.formats.photo_lists import read_photo_lists
 
@@ -228,9 +229,32 @@ def test_what_is_not_taken_over_of_a_project_of_inpho_is_said_once(file):
     assert inpho.read_inpho_control(file(INPHO)).remarks == ("file.txt: not taken over: type HV.",)
 
 
+def test_terms_of_distortion_that_are_not_read_are_refused_unless_zero(file):
+    sensor = (
+        '<document><chunk><sensors><sensor id="0" label="S"><calibration class="adjusted">'
+        '<resolution width="100" height="80"/><f>100</f><k1>0.1</k1><{0}>{1}</{0}></calibration></sensor>'
+        "</sensors></chunk></document>"
+    )
+    for term in ("p3", "p4", "skew"):
+        assert f"has {term}" in refused(metashape.read_metashape_cameras, file(sensor.format(term, 0.5))).what
+        known = metashape.read_metashape_cameras(file(sensor.format(term, 0)))["S"].additional_parameters
+        assert known == {"brown-forward:k1": 0.1}
+    block = BLOCKS.format(srs="EPSG:25832", axes="XRightYUp", rotation=ANGLES)
+    more = file(block.replace("<K1>", "<K4>0.001</K4><K1>"))
+    assert "has K4" in refused(blocks_exchange.read_blocks_cameras, more).what
+    blocks_exchange.read_blocks_cameras(file(block.replace("<K1>", "<K4>0</K4><K1>")))
+    head = "camera,columns,rows,pixel_um,focal_length_mm,x0_mm,y0_mm,K1,p_2,remark\n"
+    zero = read_csv_cameras(file(head + "C,100,80,5,100,0,0,0.0,0.00E+00,new\n"))
+    assert zero["C"].focal_length_mm == 100.0
+    error = refused(read_csv_cameras, file(head + "C,100,80,5,100,0,0,0,,\nD,100,80,5,100,0,0,,-1e-9,\n"))
+    assert "'p_2'" in error.what
+    assert error.line == 3
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
+        ("$CCD_ROWS : 801", "$CCD_ROWS : 801\n  $DISTORTION_TYPE : Grid", "of the type 'Grid'"),
         ("$RADIAL_COEFFS : 0 0 0 0", "$RADIAL_COEFFS : 0 1e-9 0 0", "distortion"),
         ("200.0 0 500.0\n    0 -200.0 400.0", "0 200.0 500.0\n    200.0 0 400.0", "not x right, y up"),
         ("$CCD_ROWS : 801\n", "", "lacks $CCD_ROWS"),
