@@ -5,7 +5,8 @@
 | ``geoin.dat`` | ``CONT`` id E N H, ``CHCK`` id E N H | control point, check point |
 | ``itera.dat`` | ``ORIA`` photo X Y Z and three angles, camera | φ, ω, κ in most projects, else ω, φ, κ, as declared; mostly gon |
 
-Other lines are passed over: cameras, eccentricities, options and object points are of the program's own.
+Other lines are of the program's own: those of ``geoin.dat`` (cameras, eccentricities, options) are named, object
+points of ``itera.dat`` are passed over.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ from pathlib import Path
 
 from tasks.errors import Location
 from tasks.formats.long_columns import table_of
+from tasks.formats.named_entries import NotTaken
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import control_of, exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords
 
+_COMMENTS = ("*", "#")
 _ROLES = {"CONT": "control", "CHCK": "check"}
 
 
@@ -32,15 +35,18 @@ def read_bingo_control(path: Path) -> ControlRecords:
     """
     point, role = [], []
     position, at = array("d"), array("q")
+    rest = NotTaken()
     for number, line in numbered_lines(path):
         fields = line.split()
         if len(fields) < 2 or fields[0].upper() not in _ROLES:
+            rest.add(word for word in fields[:1] if not word.startswith(_COMMENTS) and word != "C")
             continue
+        rest.add(["fields behind E, N, H"] if fields[5:] else [])
         point.append(fields[1])
         position.extend(numbers_of(path, fields[2:], 3, number, "E, N, H of a point"))
         role.append(_ROLES[fields[0].upper()])
         at.append(number)
-    return control_of(path, point, table_of(position, 3), at, role=role)
+    return control_of(path, point, table_of(position, 3), at, role=role, remarks=rest.remarks(path))
 
 
 def read_bingo_orientations(path: Path, order: AngleOrder) -> ExposureRecords:

@@ -142,6 +142,11 @@ def test_control_and_check_points_of_bingo(file):
     records = read_bingo_control(file(text))
     assert records.point.to_pylist() == ["2001", "2002"]
     assert records.role.to_pylist() == ["control", "check"]
+    assert records.remarks == ("file.txt: not taken over: CAPA.",)
+    more = text.replace("412.334", "412.334 0.02 0.03") + "ECCA CAM1 0 0 1\nC CONT 8 1 2 3\n"
+    assert read_bingo_control(file(more)).remarks == (
+        "file.txt: not taken over: CAPA, fields behind E, N, H, ECCA.",
+    )
     assert refused(read_bingo_control, file("CONT 1 2 3\n")).line == 1
 
 
