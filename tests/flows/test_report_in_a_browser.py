@@ -20,6 +20,16 @@ TOO_WIDE = """() => [...document.querySelectorAll("table")]
   .filter(table => getComputedStyle(table.parentElement).overflowX !== "auto")
   .map(table => table.id)"""
 
+#: Words of axes that lie over numbers of the same axis.
+OVER_NUMBERS = """() => [...document.querySelectorAll("svg .axis .label")].flatMap(label => {
+  const a = label.getBoundingClientRect();
+  return [...label.parentElement.querySelectorAll("text:not(.label)")].filter(text => {
+    const b = text.getBoundingClientRect();
+    return Math.min(a.right, b.right) - Math.max(a.left, b.left) > 3
+      && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 5;
+  }).map(text => `${label.textContent} over ${text.textContent}`);
+})"""
+
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -32,6 +42,21 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     found = carry_out(aerial_triangulation, RunRequest(project, folder / "results"))
     assert found.error is None, found.error
     return found.directory
+
+
+def test_a_wide_table_of_additional_parameters_scrolls_by_itself(browser: Browser, tmp_path: Path) -> None:
+    changes = ("points.count=200",)
+    project = simulate_project(load_simulation("dmc-20cm", changes, 4), tmp_path).project_file
+    settings = "adjustment.self_calibration"
+    chosen = (f'{settings}.parameters="bluh:1-12"', f'{settings}.elimination="none"')
+    found = carry_out(aerial_triangulation, RunRequest(project, overrides=chosen))
+    assert found.error is None, found.error
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.goto((found.directory / "report.html").as_uri())
+    assert page.locator("#self-calibration").count() == 1
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+    assert page.evaluate(TOO_WIDE) == []
+    page.close()
 
 
 def test_the_first_screen_names_the_point(browser: Browser, results: Path) -> None:
@@ -57,6 +82,7 @@ def test_no_table_is_clipped_and_the_page_does_not_scroll_sideways(
     assert said == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.evaluate(TOO_WIDE) == []
+    assert page.evaluate(OVER_NUMBERS) == []
     dark = page.evaluate("getComputedStyle(document.body).backgroundColor") != "rgb(255, 255, 255)"
     assert dark is (scheme == "dark")
     page.close()

@@ -69,7 +69,10 @@ def matrix_plot(matrix: pd.DataFrame, words: str) -> Markup:
     values = matrix.to_numpy(np.float64)[np.ix_(own, own)]
     shown = _without_common_entity(names)
     left = min(40.0 + 6.6 * max(len(name) for name in shown), 320.0)
-    side = float(np.clip((axes.WIDTH - left - 40.0) / len(names), 5.0, 44.0))
+    side = _side(left, 40.0, len(names))
+    if side < _LEAST_FOR_TEXT:
+        # The names stand beside the diagonal, too.
+        side = _side(left, 10.0 + 5.2 * max(len(parameter) for parameter, _ in names), len(names))
     top = 10.0
     parts = [
         *_cells(left, top, side, values, [named(*name) for name in names]),
@@ -79,6 +82,11 @@ def matrix_plot(matrix: pd.DataFrame, words: str) -> Markup:
     height = top + len(names) * side + 10
     parts.append(_key(left, height))
     return markup.svg(axes.WIDTH, height + 44, words, *parts)
+
+
+def _side(left: float, right: float, count: int) -> float:
+    """Of a cell, with room to the left and to the right of the matrix."""
+    return float(np.clip((axes.WIDTH - left - right) / count, 5.0, 44.0))
 
 
 def _without_common_entity(names: Sequence[Label]) -> list[str]:
