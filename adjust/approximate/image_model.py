@@ -6,7 +6,7 @@ most of its points, intersects the points they add, and adjusts all of it as a f
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,6 +75,19 @@ def model_of(measured: MeasuredImages, oriented: Bools, centre: Floats, rotation
     return _straightened(measured, _intersected(measured, model, np.inf), LIMITS_PX[-1])
 
 
+def begun_models(
+    measured: MeasuredImages, allowed: Bools, pair_of: tuple[Bools, Bools]
+) -> Iterator[ImageModel]:
+    """Small models of the allowed images (n,), each of another relative orientation, the most worthy first.
+
+    Parameters
+    ----------
+    pair_of : (n,) images of which one, and (n,) of which the other is in the pair that each begins with.
+    """
+    for pair in _beginnings(measured, pair_of):
+        yield grown(measured, _begun(measured, pair), allowed, most=2 + _TRIAL_IMAGES)
+
+
 def image_model(
     measured: MeasuredImages, allowed: Bools, progress: Progress | None = None
 ) -> ImageModel | None:
@@ -82,8 +95,7 @@ def image_model(
     measured = measured.only(allowed)
     best: ImageModel | None = None
     best_px = np.inf
-    for pair in _beginnings(measured, allowed):
-        model = grown(measured, _begun(measured, pair), allowed, most=2 + _TRIAL_IMAGES)
+    for model in begun_models(measured, allowed, (allowed, allowed)):
         misfit = _misfit_px(measured, model)
         # A wrong solution of a plane object takes up fewer images, or fits them worse.
         if best is None or (-model.count, misfit) < (-best.count, best_px):
@@ -148,9 +160,9 @@ def _round(
     return found
 
 
-def _beginnings(measured: MeasuredImages, allowed: Bools) -> list[PairModel]:
+def _beginnings(measured: MeasuredImages, pair_of: tuple[Bools, Bools]) -> list[PairModel]:
     """Relative orientations to begin with, the most worthy first."""
-    pairs = pairs_by_common_points(measured, allowed)
+    pairs = pairs_by_common_points(measured, *pair_of)
     models = [model for one, other in pairs for model in pair_models(measured, int(one), int(other))]
     models.sort(key=lambda model: -model.worth)
     images = list(dict.fromkeys(model.images for model in models))[:_BEGINNINGS]

@@ -50,14 +50,14 @@ class PairModel:
     worth: float
 
 
-def pairs_by_common_points(measured: MeasuredImages, allowed: Bools) -> Ints:
-    """Pairs (k, 2) of allowed images (n,) with the most common points first.
+def pairs_by_common_points(measured: MeasuredImages, of_one: Bools, of_other: Bools) -> Ints:
+    """Pairs (k, 2) of one of these images (n,) and another of those (n,), with the most common points first.
 
     No image is in more than a few of them, so that one place does not stand for the whole block. Pairs taken
     at one place, as heads of one body do, have the most common points and give no model: they come last.
     """
     rays = measured.rays
-    kept = allowed[rays.image] & rays.active
+    kept = (of_one | of_other)[rays.image] & rays.active
     seen = sparse.csr_array(
         (np.ones(int(kept.sum()), dtype=np.int64), (rays.image[kept], rays.point[kept])),
         shape=(measured.images, measured.points),
@@ -65,6 +65,8 @@ def pairs_by_common_points(measured: MeasuredImages, allowed: Bools) -> Ints:
     common = sparse.coo_array(sparse.triu(seen @ seen.T, k=1))
     enough = common.data >= FEWEST
     one, other, count = common.row[enough], common.col[enough], common.data[enough]
+    paired = (of_one[one] & of_other[other]) | (of_one[other] & of_other[one])
+    one, other, count = one[paired], other[paired], count[paired]
     chosen, of_one_place = list[tuple[int, int]](), list[tuple[int, int]]()
     used = np.zeros(measured.images, dtype=np.int64)
     for k in np.lexsort((other, one, -count)):

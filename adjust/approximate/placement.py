@@ -46,9 +46,31 @@ class KnownPlaces:
     up_in_camera: Floats | None = None
 
     def and_of(self, model: ImageModel) -> KnownPlaces:
-        """The same, with the points of a model that is placed."""
-        surveyed = np.isfinite(self.object_point)
-        return replace(self, object_point=np.where(surveyed, self.object_point, model.object_point))
+        """The same, with the points and images of a model that is placed, where they are not known."""
+
+        def known(own: Floats, found: Floats) -> Floats:
+            return np.where(np.isfinite(own), own, found)
+
+        oriented = model.oriented[:, None]
+        return replace(
+            self,
+            object_point=known(self.object_point, model.object_point),
+            projection_centre=known(
+                self.projection_centre, np.where(oriented, model.projection_centre, np.nan)
+            ),
+            local_from_camera=known(
+                self.local_from_camera, np.where(oriented[:, None], model.local_from_camera, np.nan)
+            ),
+        )
+
+    def only_of(self, model: ImageModel) -> KnownPlaces:
+        """The points and images of a model that is placed, and nothing else."""
+        nothing = KnownPlaces(*(np.full_like(one, np.nan) for one in self._known))
+        return nothing.and_of(model)
+
+    @property
+    def _known(self) -> tuple[Floats, Floats, Floats]:
+        return self.object_point, self.projection_centre, self.local_from_camera
 
 
 @dataclass(frozen=True, eq=False)

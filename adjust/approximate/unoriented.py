@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adjust.approximate.image_model import ImageModel, Progress, grown, image_model, model_of
-from adjust.approximate.measured_images import MeasuredImages
+from adjust.approximate.image_model import ImageModel, Progress, begun_models, grown, image_model, model_of
+from adjust.approximate.measured_images import LIMITS_PX, MeasuredImages
 from adjust.approximate.placement import KnownPlaces, Placement, placement
 from adjust.arrays import Bools
 
@@ -32,24 +32,28 @@ def find_orientations(
     """Orient all images that image points connect to known positions, or to each other.
 
     From images with position and attitude the others are resected one after the other. What these do not
-    reach is joined to models, which control points, positions and points of what is placed already place. If
-    nothing places anything, the first model stays as it is, with its middle at the origin.
+    reach is joined to models, which control points, positions, and what is placed already place. If nothing
+    places anything, the first model stays as it is, with its middle at the origin.
     """
     found, everything = _given(measured, known), np.ones(measured.images, dtype=bool)
     if found.count:
         found = grown(measured, found, everything, progress=progress, surveyed=known.object_point)
     placements = list[Placement]()
-    while (left := ~found.oriented).sum() >= 2:
-        model = image_model(measured, left, progress)
-        if model is None:
+    while not found.oriented.all():
+        following = _next_model(measured, known, found, progress)
+        if following is None:
             break
-        placed = placement(model, known.and_of(found))
-        if placed.places == 0 and found.count:
-            break
+        model, placed = following
         found = _joined(found, placed.of(model))
         placements.append(placed)
         if placed.places:
-            found = grown(measured, found, everything, progress=progress, surveyed=known.object_point)
+            surveyed = known.object_point if placements[0].turned else None
+            found = grown(measured, found, everything, progress=progress, surveyed=surveyed)
+    if placements and not placements[0].turned:
+        # What was joined to the first model may say how it is turned.
+        again = placement(found, known)
+        if again.turned:
+            found, placements[0] = again.of(found), again
     if not found.oriented.all() and all(item.places for item in placements):
         found = grown(measured, found, everything, progress=progress, surveyed=known.object_point)
     return FoundOrientations(found, tuple(placements))
@@ -64,11 +68,43 @@ def _given(measured: MeasuredImages, known: KnownPlaces) -> ImageModel:
     return model_of(measured, given, centre, rotation)
 
 
+def _next_model(
+    measured: MeasuredImages, known: KnownPlaces, found: ImageModel, progress: Progress | None
+) -> tuple[ImageModel, Placement] | None:
+    """A model of images that are not placed yet, and its placement; None if there is none that can be placed.
+
+    It begins with an image that is placed and one that is not, if common points allow it: a chain of images
+    may have too few of them for resections.
+    """
+    left = ~found.oriented
+    if found.count:
+        for model in begun_models(measured, np.ones_like(left), (left, found.oriented)):
+            placed = placement(model, known.only_of(found))
+            if _agrees(measured, placed.of(model), found):
+                return model, placed
+    whole = image_model(measured, left, progress)
+    if whole is None:
+        return None
+    placed = placement(whole, known.and_of(found))
+    return None if found.count and not (placed.places and placed.scaled) else (whole, placed)
+
+
+def _agrees(measured: MeasuredImages, placed: ImageModel, found: ImageModel) -> bool:
+    """Whether the images that were not placed before see points of the others where these are."""
+    rays = measured.rays
+    state = measured.state(
+        placed.projection_centre, placed.local_from_camera, np.nan_to_num(found.object_point)
+    )
+    new = (placed.oriented & ~found.oriented)[rays.image]
+    rows = new & np.isfinite(found.object_point).all(axis=1)[rays.point]
+    return bool(rows.any() and np.median(measured.residual_px(state)[rows]) <= LIMITS_PX[-1])
+
+
 def _joined(one: ImageModel, other: ImageModel) -> ImageModel:
-    """Two models of different images in one system."""
+    """Two models in one system; images of both stay as they are in the first."""
     return ImageModel(
         one.oriented | other.oriented,
-        np.where(other.oriented[:, None], other.projection_centre, one.projection_centre),
-        np.where(other.oriented[:, None, None], other.local_from_camera, one.local_from_camera),
+        np.where(one.oriented[:, None], one.projection_centre, other.projection_centre),
+        np.where(one.oriented[:, None, None], one.local_from_camera, other.local_from_camera),
         np.where(np.isfinite(one.object_point), one.object_point, other.object_point),
     )

@@ -67,7 +67,7 @@ def scene(images: int, targets: int, relief: float) -> CloseRange:
 def test_one_of_the_relative_orientations_of_two_images_is_the_true_one(relief: float) -> None:
     truth = scene(2, 40, relief)
     measured = measured_images(truth)
-    assert pairs_by_common_points(measured, np.ones(2, dtype=bool)).tolist() == [[0, 1]]
+    assert pairs_by_common_points(measured, *np.ones((2, 2), dtype=bool)).tolist() == [[0, 1]]
     first = truth.local_from_camera[0]
     base = first.T @ (truth.projection_centre[1] - truth.projection_centre[0])
     models = list(pair_models(measured, 0, 1))
@@ -134,12 +134,31 @@ def test_two_heads_of_one_body_spend_no_trial_on_the_pairs_of_one_place() -> Non
     p = np.einsum("nij,nmi->nmj", truth.local_from_camera, target - truth.projection_centre[:, None])
     seen = np.all(np.abs(p[..., :2] / p[..., 2:]) < [0.5, 0.4], axis=2)
     measured = measured_images(truth, seen, sigma_px=0.3, wrong=0.05)
-    pairs = pairs_by_common_points(measured, np.ones(96, dtype=bool))
+    pairs = pairs_by_common_points(measured, *np.ones((2, 96), dtype=bool))
     assert len(pairs) == 40
     assert np.all(pairs[:, 0] // 2 != pairs[:, 1] // 2)
     places = known(truth)
     places.projection_centre[:] = truth.projection_centre
     assert_true(truth, find_orientations(measured, places), 2e-2)
+
+
+def test_a_chain_whose_images_have_few_points_with_the_next_but_one_is_joined_by_pairs() -> None:
+    """Too few for resections. Positions lie on a line, tilts are 3°, control is in the first images only."""
+    level = strip()
+    tilted = level.local_from_camera @ rotation.exp(np.array([[0.05, 0.0, 0.0]]))[0]
+    truth = CloseRange(level.projection_centre, tilted, level.target)
+    p = np.einsum("nij,nmi->nmj", truth.local_from_camera, truth.target - truth.projection_centre[:, None])
+    seen = np.all(np.abs(p[..., :2] / p[..., 2:]) < [0.175, 0.3], axis=2)
+    few = [int((seen[k] & seen[k + 1] & seen[k + 2]).sum()) for k in range(6)]
+    assert max(few) <= 6
+    assert min(few) > 0
+    places = known(truth)
+    places.projection_centre[:] = truth.projection_centre
+    control = np.flatnonzero(seen[0] & seen[1])[::3]
+    places.object_point[control] = truth.target[control]
+    found = find_orientations(measured_images(truth, seen, sigma_px=0.1), places)
+    assert all(item.turned for item in found.placements)
+    assert_true(truth, found, 5e-3)
 
 
 def test_attitudes_turn_what_two_control_points_place() -> None:
