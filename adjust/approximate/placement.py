@@ -65,12 +65,9 @@ class KnownPlaces:
 
     def only_of(self, model: ImageModel) -> KnownPlaces:
         """The points and images of a model that is placed, and nothing else."""
-        nothing = KnownPlaces(*(np.full_like(one, np.nan) for one in self._known))
-        return nothing.and_of(model)
-
-    @property
-    def _known(self) -> tuple[Floats, Floats, Floats]:
-        return self.object_point, self.projection_centre, self.local_from_camera
+        own = (self.object_point, self.projection_centre, self.local_from_camera)
+        points, centres, rotations = (np.full_like(one, np.nan) for one in own)
+        return KnownPlaces(points, centres, rotations).and_of(model)
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,7 +96,8 @@ def _agrees(measured: MeasuredImages, placed: ImageModel, found: ImageModel) -> 
         placed.projection_centre, placed.local_from_camera, np.nan_to_num(found.object_point)
     )
     new = (placed.oriented & ~found.oriented)[rays.image]
-    rows = new & np.isfinite(found.object_point).all(axis=1)[rays.point]
+    known: Bools = np.asarray(np.isfinite(found.object_point).all(axis=1))
+    rows = new & known[rays.point]
     return bool(rows.any() and np.median(measured.residual_px(state)[rows]) <= LIMITS_PX[-1])
 
 
