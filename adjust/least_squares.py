@@ -111,15 +111,16 @@ class Adjuster:
         """Adjust after a few observations were rejected or restored, accurately enough to continue.
 
         One linear step does where it can, with new cofactors for the object points that have lost or gained
-        something only. The solution then counts as stalled: ``to_the_end`` completes it. Elsewhere, and where
-        rejection is robust, the same as ``again``.
+        something only. The solution then counts as stalled: ``to_the_end`` completes it. Elsewhere, where
+        errors correlated over time join other exposures now, and where rejection is robust, the same as
+        ``again``.
 
         Parameters
         ----------
         state : where object points that come back are; None: none does.
         """
         system = before.system.remaining(observations)
-        if self.options.robust is not None:
+        if self.options.robust is not None or system.blocking is not before.system.blocking:
             return self.again(before, observations, state)
         start, back = before.solution.linearization, system.active_point & ~before.system.active_point
         if state is not None and back.any():

@@ -11,7 +11,7 @@ from scipy import stats
 
 from adjust.adjustment import adjust_block
 from adjust.arrays import Floats
-from adjust.least_squares import Adjusted
+from adjust.least_squares import Adjusted, Adjuster
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, LEVER_ARM
 from adjust.quality.cofactor import cofactor
@@ -218,6 +218,23 @@ def test_a_pass_rejects_no_two_neighbours_of_a_strip() -> None:
         rejected = np.flatnonzero(reject(adjusted, SnoopingRule(4.13, test)).rejected[GNSS])  # type: ignore[arg-type]
         assert len(rejected) >= 1
         assert np.diff(rejected).min(initial=2) >= 2
+
+
+def test_rejections_that_join_other_exposures_leave_correct_redundancy_numbers() -> None:
+    """Without four successive positions those on either side are neighbours, with nothing seen from both."""
+    block = scene(gnss_correlation_s=200.0)
+    adjuster = Adjuster(AdjustmentOptions(critical_value=4.13))
+    system = System.of(block.block, block.observations)
+    before = adjuster.adjust(system, block.block.approximate_state())
+    gnss = block.observations.others[GNSS - 1]
+    gone = np.isin(gnss.event, [2, 3, 4, 5])
+    rays = block.observations.image_points
+    others = tuple(group.without(gone) if group is gnss else group for group in block.observations.others)
+    left = Observations(rays.without(np.arange(len(rays.image)) % 50 == 0), others)
+    found, expected = adjuster.with_other_rejections(before, left), adjuster.again(before, left)
+    assert expected.system.blocking is not before.system.blocking, "other exposures are joined"
+    for one, other in zip(found.residuals, expected.residuals, strict=True):
+        np.testing.assert_allclose(one.control, other.control, atol=0.05)
 
 
 def test_an_error_of_the_detectable_size_is_found_four_times_in_five() -> None:
