@@ -167,7 +167,7 @@ def _searched(
         start, rejected = nearby.start, nearby.rejected
     weighting = options.variance_components or options.correlation_times
     # A search does not have to begin where an iteration ends; what it leaves is adjusted to the end.
-    near = rule is not None and not weighting
+    near = rule is not None or weighting
 
     # Handed on at once: a name for it here would keep the first adjustment until the last one is done.
     def first() -> Search:
@@ -227,9 +227,7 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
     times: tuple[CorrelationTime, ...] = ()
     if weighted is not None:
         components, times = variance_components(
-            system,
-            adjusted.solution,
-            adjusted.residuals,
+            adjusted,
             weighted.parts,
             weighted.factors,
             weighted.frozen,

@@ -6,19 +6,21 @@ Searches for gross errors and for variance components are made of these, one aft
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from adjust.errors import DatumDefectError
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
-from adjust.quality.cofactor import Cofactor, cofactor, of_other_rays
+from adjust.quality.cofactor import Cofactor, of_other_rays, with_points
 from adjust.quality.considered import considered_errors
-from adjust.quality.redundancy import GroupResiduals, group_residuals
+from adjust.quality.redundancy import GroupResiduals, group_residuals, residuals_of_others
+from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate, single_step
 from adjust.solve.step import Step
 from adjust.solve.system import Observations, System
-from adjust.solve.updated_normals import changed_points
+from adjust.solve.updated_normals import changed_points, of_points
 
 # One step does where vᵀPv is what linear equations promise, but for this part.
 _LINEAR = 1e-3
@@ -28,20 +30,58 @@ _SHORT = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
-    """A converged adjustment.
+    """A converged adjustment; its cofactors and residuals are computed when they are asked for.
 
     Attributes
     ----------
     system : unknowns and the observations that were used.
-    solution, quality, residuals : values, cofactors and residuals.
+    solution : values.
     history : the iterations of this adjustment and of those before it, oldest first.
+    keep : whether the inverse of the normal equations is kept.
+    known_quality, known_residuals : what is known of cofactors and residuals; None: nothing.
     """
 
     system: System
     solution: Solution
-    quality: Cofactor
-    residuals: tuple[GroupResiduals, ...]
     history: tuple[tuple[Iteration, ...], ...]
+    keep: bool = False
+    known_quality: Cofactor | None = None
+    known_residuals: tuple[GroupResiduals, ...] | None = None
+
+    @cached_property
+    def reduced(self) -> ReducedCofactor:
+        """Cofactors of exposures and system parameters."""
+        if self.known_quality is not None:
+            return self.known_quality.reduced
+        return self.solution.factorization.cofactor(keep=self.keep)
+
+    @cached_property
+    def quality(self) -> Cofactor:
+        """Cofactors of all unknowns."""
+        if self.known_quality is not None:
+            return self.known_quality
+        found = with_points(self.system, self.solution, self.reduced)
+        return replace(found, considered=considered_errors(self.system, self.solution))
+
+    @cached_property
+    def residuals(self) -> tuple[GroupResiduals, ...]:
+        """Residuals and redundancy numbers of all groups."""
+        if self.known_residuals is not None:
+            return self.known_residuals
+        return group_residuals(self.system, self.state, self.quality)
+
+    @cached_property
+    def quality_of_others(self) -> Cofactor:
+        """Cofactors for the groups other than image points: of the few object points they touch."""
+        touched = np.zeros(len(self.system.active_point) + 1, dtype=bool)  # the last one stands for none (−1)
+        for index in (*(group.point for group in self.system.observations.others), *self.system.joined):
+            touched[index] = True
+        return with_points(of_points(self.system, touched[:-1]), self.solution, self.reduced)
+
+    @cached_property
+    def residuals_of_others(self) -> tuple[GroupResiduals, ...]:
+        """Those of the groups other than image points; w without errors of considered parameters."""
+        return residuals_of_others(self.system, self.state, self.quality_of_others)
 
     @property
     def state(self) -> State:
@@ -97,12 +137,19 @@ class Adjuster:
         if may_stall is None:
             may_stall = self.options.critical_value is not None
         solution = iterate(system, state, self.options.most_iterations, self.progress, may_stall, near)
-        return self._with_quality(system, solution, ())
+        return self._adjusted(system, solution, ())
 
-    def again(self, before: Adjusted, observations: Observations, state: State | None = None) -> Adjusted:
-        """Adjust other observations of the same block, from the previous values or from a given state."""
+    def again(
+        self, before: Adjusted, observations: Observations, state: State | None = None, near: bool = False
+    ) -> Adjusted:
+        """Adjust other observations of the same block, from the previous values or from a given state.
+
+        Parameters
+        ----------
+        near : as of ``adjust``.
+        """
         system = before.system.remaining(observations)
-        found = self.adjust(system, before.state if state is None else state)
+        found = self.adjust(system, before.state if state is None else state, near=near)
         return replace(found, history=before.history + found.history)
 
     def with_other_rejections(
@@ -133,8 +180,7 @@ class Adjuster:
             return self.again(before, observations, state)
         changed = changed_points(before.observations, system.observations, len(system.active_point))
         quality = of_other_rays(before.quality, system, solution, changed)
-        residuals = group_residuals(system, solution.state, quality)
-        found = Adjusted(system, solution, quality, residuals, (*before.history, solution.iterations))
+        found = Adjusted(system, solution, (*before.history, solution.iterations), known_quality=quality)
         if not abs(found.weighted_squares - promised) <= _LINEAR * promised:
             return self.again(before, observations, state)
         return found
@@ -171,14 +217,12 @@ class Adjuster:
 
     def completed(self, before: Adjusted, solution: Solution) -> Adjusted:
         """With the solution of ``values_to_the_end``."""
-        return self._with_quality(before.system, solution, before.history)
+        return self._adjusted(before.system, solution, before.history)
 
-    def _with_quality(
+    def _adjusted(
         self, system: System, solution: Solution, history: tuple[tuple[Iteration, ...], ...]
     ) -> Adjusted:
-        """A solution with its cofactors and residuals; history is that of the adjustments before it."""
+        """A solution as an adjustment; history is that of the adjustments before it."""
         # Of a stalled solution nothing is handed on.
-        found = cofactor(system, solution, self.options.new_points and not solution.stalled)
-        quality = replace(found, considered=considered_errors(system, solution))
-        residuals = group_residuals(system, solution.state, quality)
-        return Adjusted(system, solution, quality, residuals, (*history, solution.iterations))
+        keep = self.options.new_points and not solution.stalled
+        return Adjusted(system, solution, (*history, solution.iterations), keep)

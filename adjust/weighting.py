@@ -8,6 +8,7 @@ errors hardly move; then rejection and estimation take turns until neither chang
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -20,8 +21,8 @@ from adjust.quality.rejection import SnoopingRule
 from adjust.quality.variance_components import (
     CONVERGED,
     LEAST_REDUNDANCY,
+    PartSums,
     helmert_step,
-    redundancy_of,
     reweighted,
     robust_factors,
     variance_factors,
@@ -56,6 +57,11 @@ class Weighted:
     frozen: Bools
     rounds: int
 
+    @cached_property
+    def sums(self) -> PartSums:
+        """What the estimates are made of, at the present weights."""
+        return PartSums.of(self.search.adjusted, self.parts)
+
     def moved(self, estimated: Floats) -> Floats:
         """Estimated factors (parts,) of this round; what is weak stands still, what is frozen goes back."""
         step = np.where(self.weak, 1.0, estimated)
@@ -71,8 +77,7 @@ class Weighted:
     @property
     def weak(self) -> Bools:
         """(parts,) those whose redundancy is too small at the present weights."""
-        redundancy = _redundancy(self)
-        weak: Bools = redundancy < LEAST_REDUNDANCY
+        weak: Bools = self.sums.redundancy < LEAST_REDUNDANCY
         return weak | self._without_intervals()
 
     def _without_intervals(self) -> Bools:
@@ -85,10 +90,15 @@ class Weighted:
             ]
         )
 
-    def changed(self, adjuster: Adjuster, step: Floats) -> Weighted:
-        """Adjusted again with the standard deviations of the parts multiplied by (parts,) factors."""
+    def changed(self, adjuster: Adjuster, step: Floats, near: bool = True) -> Weighted:
+        """Adjusted again with the standard deviations of the parts multiplied by (parts,) factors.
+
+        Parameters
+        ----------
+        near : as of ``Adjuster.adjust``.
+        """
         before = self.search.adjusted
-        adjusted = adjuster.again(before, reweighted(before.observations, self.parts, step))
+        adjusted = adjuster.again(before, reweighted(before.observations, self.parts, step), near=near)
         given = reweighted(self.search.given, self.parts, step)
         search = replace(self.search, given=given, adjusted=adjusted)
         return replace(self, search=search, factors=self.factors * step, rounds=self.rounds + 1)
@@ -117,7 +127,7 @@ def estimate_weights(adjuster: Adjuster, search: Search, rule: SnoopingRule | No
             break
         found = found.changed(adjuster, step)
     for number in range(_MOST_TURNS):
-        search = snoop(adjuster, found.search, rule)
+        search = snoop(adjuster, found.search, rule, complete=number > 0)
         unchanged = search.leaves_out_the_same_as(found.search)
         found = replace(found, search=search)
         if unchanged and number > 0:  # the first search has not seen the settled weights
@@ -134,34 +144,37 @@ def tolerances(found: Weighted) -> Floats:
 
     σ̂_g has a relative standard deviation of about 1/√(2r); of many thousand image points that is below 1 %.
     """
-    return np.minimum(CONVERGED, 0.2 / np.sqrt(2.0 * np.maximum(_redundancy(found), 1.0)))
-
-
-def _redundancy(found: Weighted) -> Floats:
-    """(parts,) at the present weights."""
-    adjusted = found.search.adjusted
-    return np.array([redundancy_of(adjusted.observations, adjusted.residuals, one) for one in found.parts])
+    return np.minimum(CONVERGED, 0.2 / np.sqrt(2.0 * np.maximum(found.sums.redundancy, 1.0)))
 
 
 def _settled(adjuster: Adjuster, found: Weighted) -> Weighted:
-    """Weights that hardly change when they are estimated again."""
+    """Weights that hardly change when they are estimated again, adjusted to the end.
+
+    The last change is one that hardly changes them: a step of Newton's method leaves a small part of it.
+    """
     times = any(part.is_correlation for part in found.parts)
+    complete = not found.search.adjusted.solution.stalled
     last = np.zeros(len(found.parts))
     for number in range(_MOST_ROUNDS):
-        step = found.moved(_estimated(found, accelerated=number > 0))
-        if np.all(np.abs(step - 1.0) < tolerances(found)):
-            if number == 0 and times:
-                continue  # the simplified step does not look at them
+        # From far off the likelihood may lead a correlation time anywhere.
+        simplified = times and number == 0
+        step = found.moved(_estimated(found, simplified))
+        small = bool(np.all(np.abs(step - 1.0) < tolerances(found)))
+        if small:
+            if simplified:
+                continue  # it does not look at correlation times
             settled = found.frozen_where_weak()
-            if np.array_equal(settled.frozen, found.frozen):
+            small = np.array_equal(settled.frozen, found.frozen)
+            if small and complete:
                 return found
-            found = settled
-            step = found.moved(np.ones(len(found.parts)))
-            last[:] = 0.0
-        if number > 0:  # the simplified step knows nothing of the others
+            if not small:
+                found = settled
+                step = found.moved(np.ones(len(found.parts)))
+                last[:] = 0.0
+        if not simplified:  # which knows nothing of the others
             step = without_swinging(step, last)
             last = np.log(step)
-        found = found.changed(adjuster, step)
+        found, complete = found.changed(adjuster, step, near=not small), small
     worst = found.parts[int(np.argmax(np.abs(np.log(step))))]
     raise InconsistentBlockError(
         f"The variance components do not converge within {_MOST_ROUNDS} rounds; that of {worst.name} still "
@@ -185,16 +198,11 @@ def without_swinging(step: Floats, last: Floats) -> Floats:
     return factors
 
 
-def _estimated(found: Weighted, accelerated: bool) -> Floats:
-    """Factors (parts,) that this round estimates.
-
-    The first round may be far off and takes Förstner's step, which never overshoots.
-    """
-    adjusted, free = found.search.adjusted, ~(found.frozen | found.weak)
-    step = variance_factors(adjusted.observations, adjusted.residuals, found.parts)
-    if accelerated and free.any():
+def _estimated(found: Weighted, simplified: bool) -> Floats:
+    """Factors (parts,) that this round estimates; simplified by Förstner's step, which never overshoots."""
+    free = ~(found.frozen | found.weak)
+    step = variance_factors(found.sums, found.parts)
+    if not simplified and free.any():
         parts = tuple(part for part, is_free in zip(found.parts, free, strict=True) if is_free)
-        step[free] = helmert_step(
-            adjusted.system, adjusted.solution, adjusted.quality, adjusted.residuals, parts, step[free]
-        )
+        step[free] = helmert_step(found.search.adjusted, parts, found.sums.redundancy[free], step[free])
     return step

@@ -289,4 +289,9 @@ def in_place(adjusted: Adjusted, given: Observations, given_up: Bools) -> Adjust
             residual[rows] = np.where(np.isnan(residual[rows]), np.nan, -misclosure)
             item = replace(item, residual=residual)
         residuals.append(item)
-    return replace(adjusted, solution=replace(adjusted.solution, state=state), residuals=tuple(residuals))
+    return replace(
+        adjusted,
+        solution=replace(adjusted.solution, state=state),
+        known_quality=adjusted.quality,
+        known_residuals=tuple(residuals),
+    )

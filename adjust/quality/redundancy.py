@@ -57,7 +57,12 @@ _NO_REDUNDANCY = 1e-6
 
 def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
     """Residuals and redundancy numbers of all groups, in the order of ``observations.groups``."""
-    results = [_residuals_of_rays(system, state, cofactor)]
+    return _residuals_of_rays(system, state, cofactor), *residuals_of_others(system, state, cofactor)
+
+
+def residuals_of_others(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
+    """Those of all groups but the image points."""
+    results = []
     for group in system.observations.others:
         equations = group.linearize(state)
         found = single_errors(group, equations, system.layout, cofactor)

@@ -12,30 +12,30 @@ than r_g because parts borrow from each other, and
 
     σ̂_g √(d/χ²_{d, 1−α/2})  …  σ̂_g √(d/χ²_{d, α/2})
 
-is its confidence interval. S is too large to be formed; its elements are traces, found by probing:
-for z of random signs on part h, E ‖(R z)_g‖² = S_gh (Hutchinson 1990). A correlation time that is to be
-estimated is one more part of its group and shares S; see :mod:`adjust.quality.correlation_time`.
+is its confidence interval. S is found by probing, see :mod:`adjust.quality.trace_matrix`.
+A correlation time that is to be estimated is one more part of its group and shares S; see
+:mod:`adjust.quality.correlation_time`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy import special
 
 from adjust.arrays import Bools, Floats
+from adjust.least_squares import Adjusted
 from adjust.observations.base import CorrelatedOverTime, ObservationGroup
-from adjust.parameters import State
 from adjust.quality import correlation_time
-from adjust.quality.cofactor import Cofactor
 from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.observation_parts import Part
 from adjust.quality.redundancy import GroupResiduals
-from adjust.quality.residual_operator import ResidualOperator
-from adjust.solve.gauss_newton import Solution
-from adjust.solve.system import Observations, System
+from adjust.quality.trace_matrix import trace_matrix
+from adjust.solve.normal_equations import weighted_squares
+from adjust.solve.system import Observations
 
 #: Redundancy below which a part keeps its weights: the estimate would be wilder than the statement.
 LEAST_REDUNDANCY = 10.0
@@ -43,10 +43,6 @@ LEAST_REDUNDANCY = 10.0
 CONVERGED = 0.01
 # Median of |x| of a standard normal variable.
 _MEDIAN = 0.6745
-# Σ ‖(R z)_g‖² over so many degrees of freedom pins S_gg to √(2/800) = 5 %, its root to half of that.
-_PROBED = 800.0
-_ROUGHLY_PROBED = 200.0
-_MOST_PROBES = 40
 # Step of log σ that is allowed for one of a correlation time.
 _TOGETHER = 0.5
 
@@ -112,19 +108,54 @@ def _stretched(group: ObservationGroup, ratio: float) -> ObservationGroup:
     return group.with_correlation_time(process.correlation_time * ratio)
 
 
-def variance_factors(
-    observations: Observations, residuals: tuple[GroupResiduals, ...], parts: tuple[Part, ...]
-) -> Floats:
+@dataclass(frozen=True)
+class PartSums:
+    """What the estimates are made of.
+
+    Attributes
+    ----------
+    squares : (parts,) Ω_g.
+    redundancy : (parts,) r_g, of every observation as far as it is an independent one.
+    """
+
+    squares: Floats
+    redundancy: Floats
+
+    @classmethod
+    def of(cls, adjusted: Adjusted, parts: tuple[Part, ...]) -> Self:
+        """Of an adjustment.
+
+        Image points that are one part have what the other groups leave of vᵀPv and of n − u, so nobody
+        needs their redundancy numbers.
+        """
+        return cls(*np.array([_sums_of_part(adjusted, part) for part in parts]).reshape(-1, 2).T)
+
+
+def _sums_of_part(adjusted: Adjusted, part: Part) -> tuple[float, float]:
+    """Ω_g and r_g of one part."""
+    others = adjusted.residuals_of_others
+    if part.group > 0:
+        group, item = adjusted.observations.others[part.group - 1], others[part.group - 1]
+        squares, redundancy = _component_squares(group, item), item.redundancy * group.stochastic.shares
+    elif part.rows is None:
+        squares_of_rays = weighted_squares(adjusted.system, adjusted.state)
+        squares_of_rays -= sum(item.weighted_squares for item in others)
+        left = adjusted.redundancy - sum(float(np.nansum(item.redundancy)) for item in others)
+        return squares_of_rays, left
+    else:
+        item = adjusted.residuals[0]
+        squares = (item.residual * adjusted.observations.image_points.inverse_sigma) ** 2
+        redundancy = item.redundancy
+    return float(np.nansum(squares[part.place])), float(np.nansum(redundancy[part.place]))
+
+
+def variance_factors(sums: PartSums, parts: tuple[Part, ...]) -> Floats:
     """√(Ω_g/r_g) of every part (parts,); 1 where there is nothing to take it from, and for correlations."""
-    squares = [_component_squares(*item) for item in zip(observations.groups, residuals, strict=True)]
-    factors = np.ones(len(parts))
-    for k, part in enumerate(parts):
-        redundancy = redundancy_of(observations, residuals, part)
-        total = float(squares[part.group][part.place].sum())
-        # Correlated components may share Ω so that a part of it is negative; it then says nothing.
-        if redundancy > 0.0 and total > 0.0 and not part.is_correlation:
-            factors[k] = np.sqrt(total / redundancy)
-    return factors
+    # Correlated components may share Ω so that a part of it is negative; it then says nothing.
+    usable = (sums.redundancy > 0.0) & (sums.squares > 0.0)
+    usable &= ~np.array([part.is_correlation for part in parts], dtype=bool)
+    ratio = np.where(usable, sums.squares, 1.0) / np.where(usable, sums.redundancy, 1.0)
+    return np.sqrt(ratio)
 
 
 def robust_factors(
@@ -145,12 +176,6 @@ def robust_factors(
     return factors
 
 
-def redundancy_of(observations: Observations, residuals: tuple[GroupResiduals, ...], part: Part) -> float:
-    """Sum of the redundancy numbers of a part, each as far as it is of an independent observation."""
-    own = residuals[part.group].redundancy * observations.groups[part.group].stochastic.shares
-    return float(np.nansum(own[part.place]))
-
-
 def _component_squares(group: ObservationGroup, residuals: GroupResiduals) -> Floats:
     """v_i (P v)_i of every component (n, m); their sum is vᵀPv."""
     model = group.stochastic
@@ -159,9 +184,7 @@ def _component_squares(group: ObservationGroup, residuals: GroupResiduals) -> Fl
 
 
 def variance_components(
-    system: System,
-    solution: Solution,
-    residuals: tuple[GroupResiduals, ...],
+    adjusted: Adjusted,
     parts: tuple[Part, ...],
     factors: Floats,
     frozen: Bools,
@@ -171,22 +194,22 @@ def variance_components(
 
     Parameters
     ----------
-    factors : (parts,) of the stated standard deviations, those of ``system`` divided by them.
+    factors : (parts,) of the stated standard deviations, those of ``adjusted`` divided by them.
     frozen : (parts,) which keep their stated standard deviations.
     confidence : of the intervals.
     """
-    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
+    groups, redundancy = adjusted.observations.groups, PartSums.of(adjusted, parts).redundancy
     free = ~frozen
     variance = np.full(len(parts), np.nan)
     estimated = [part for part, is_free in zip(parts, free, strict=True) if is_free]
     if estimated:
-        traces = trace_matrix(system, solution, tuple(estimated), redundancy[free])
+        traces = trace_matrix(adjusted.system, adjusted.solution, tuple(estimated), redundancy[free])
         variance[free] = np.diagonal(np.linalg.inv(traces))
     # d ≤ r; probing alone may say a little more.
     degrees = np.minimum(1.0 / variance, redundancy)
     times = []
     for k, part in enumerate(parts):
-        process = system.observations.groups[part.group].stochastic.over_time
+        process = groups[part.group].stochastic.over_time
         if part.is_correlation and process is not None:
             # The information of log σ² and of ζ is S/2.
             times.append(
@@ -205,7 +228,7 @@ def variance_components(
                 degrees[k] / (2.0 * special.gammaincinv(0.5 * degrees[k], np.array([1.0 - tail, tail])))
             )
             lower, upper = (float(factors[k] * limit) for limit in limits)
-        model = system.observations.groups[part.group].stochastic
+        model = groups[part.group].stochastic
         sigma = model.sigma[part.place][model.present[part.place]]
         results.append(
             VarianceComponent(
@@ -222,40 +245,34 @@ def variance_components(
 
 
 def helmert_step(
-    system: System,
-    solution: Solution,
-    quality: Cofactor,
-    residuals: tuple[GroupResiduals, ...],
-    parts: tuple[Part, ...],
-    simplified: Floats,
+    adjusted: Adjusted, parts: tuple[Part, ...], redundancy: Floats, simplified: Floats
 ) -> Floats:
     """Factors (parts,) of Helmert's rigorous estimate, from those of the simplified one.
 
     With x = log σ², log(Ω_g/r_g) has the derivatives −S_gh/r_g, so this is a Newton step for the
-    fixed point of both. Roughly probed traces suffice: they decide how fast it is reached, not where it
-    lies. No factor moves beyond the square of the simplified one. With a correlation time among the parts
-    it is a step of Fisher's scoring for all of them, and moves the factors by up to e^½, too: σ and
-    correlation time of a group must be able to move together.
+    fixed point of both. Probed traces suffice: they decide how fast it is reached, not where it lies. No
+    factor moves beyond the square of the simplified one. With a correlation time among the parts it is a
+    step of Fisher's scoring for all of them, and moves the factors by up to e^½, too: σ and correlation time
+    of a group must be able to move together.
     """
-    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
     known = redundancy > 1.0
     steps = np.log(simplified)
     right = redundancy * steps
     for k, part in enumerate(parts):
         if part.is_correlation:
-            half = 0.5 * _score(system, solution.state, quality, part)
+            half = 0.5 * _score(adjusted, part)
             known[k] &= half != 0.0
             right[k] = half
     if known.any():
         chosen = tuple(part for part, is_known in zip(parts, known, strict=True) if is_known)
-        traces = trace_matrix(system, solution, chosen, redundancy[known], _ROUGHLY_PROBED)
+        traces = trace_matrix(adjusted.system, adjusted.solution, chosen, redundancy[known])
         exact = np.linalg.solve(traces, right[known])
         limit = np.maximum(2.0 * np.abs(steps[known]), _TOGETHER if _has_correlation(chosen) else 0.0)
         correlated = np.array([part.is_correlation for part in chosen])
         steps[known] = np.where(correlated, exact, np.clip(exact, -limit, limit))
     factors: Floats = np.exp(steps)
     for k, part in enumerate(parts):
-        process = system.observations.groups[part.group].stochastic.over_time
+        process = adjusted.observations.groups[part.group].stochastic.over_time
         if part.is_correlation and process is not None:
             # Factors are of σ, so the steps are halves: of log σ², and of ζ.
             factors[k] = correlation_time.moved(process, 2.0 * float(steps[k]))
@@ -266,66 +283,9 @@ def _has_correlation(parts: tuple[Part, ...]) -> bool:
     return any(part.is_correlation for part in parts)
 
 
-def _score(system: System, state: State, quality: Cofactor, part: Part) -> float:
+def _score(adjusted: Adjusted, part: Part) -> float:
     """Score of a correlation time; 0 where it is at a limit that the likelihood would pass."""
-    group = system.observations.groups[part.group]
-    uphill = correlation_time.score(system, state, quality, group)
+    group = adjusted.observations.groups[part.group]
+    uphill = correlation_time.score(adjusted.system, adjusted.state, adjusted.quality_of_others, group)
     process = group.stochastic.over_time
     return 0.0 if process is None or correlation_time.is_stopped(process, uphill) else uphill
-
-
-def trace_matrix(
-    system: System,
-    solution: Solution,
-    parts: tuple[Part, ...],
-    redundancy: Floats,
-    probed: float = _PROBED,
-) -> Floats:
-    """S_gh = tr(R K_g R K_h) of the parts, (parts, parts), by probing with random signs from a fixed seed.
-
-    K is one on the rows of a part; for a correlation time see :mod:`adjust.quality.correlation_time`.
-    Correlated components of an observation are distinguished after whitening.
-
-    Parameters
-    ----------
-    redundancy : (parts,) of the parts; weak parts are probed more often.
-    probed : redundancy over which the traces of each part are collected.
-    """
-    groups = system.observations.groups
-    operator = ResidualOperator.of(system, solution)
-    random = np.random.default_rng(0)
-    traces = np.zeros((len(parts), len(parts)))
-    for h, part in enumerate(parts):
-        probes = int(np.clip(np.ceil(probed / redundancy[h]), 1, _MOST_PROBES))
-        for _ in range(probes):
-            signs = _signs(groups, part, random)
-            found = with_signs = operator.residuals(signs)
-            if part.is_correlation:
-                signs[part.group][:] = correlation_time.along_derivative(
-                    groups[part.group].stochastic, signs[part.group]
-                )
-                found = operator.residuals(signs)
-            for g, other in enumerate(parts):
-                one, its = with_signs[other.group] * _roots(groups[other.group]), found[other.group]
-                if other.is_correlation:
-                    its = correlation_time.along_derivative(groups[other.group].stochastic, its)
-                traces[g, h] += float(np.sum(one[other.place] * its[other.place])) / probes
-    symmetric: Floats = 0.5 * (traces + traces.T)
-    return symmetric
-
-
-def _signs(
-    groups: tuple[ObservationGroup, ...], part: Part, random: np.random.Generator
-) -> tuple[Floats, ...]:
-    """Whitened vectors (n, m) of all groups: random signs on one part, zero elsewhere."""
-    vectors = tuple(np.zeros(group.stochastic.present.shape) for group in groups)
-    present: Bools = groups[part.group].stochastic.present[part.place]
-    vectors[part.group][part.place] = np.where(present, random.choice((-1.0, 1.0), present.shape), 0.0)
-    # Of a vector and what it is compared with, each has half of the roots of the shares.
-    vectors[part.group][:] *= np.sqrt(_roots(groups[part.group]))
-    return vectors
-
-
-def _roots(group: ObservationGroup) -> Floats:
-    """(n, 1) roots of the shares."""
-    return np.asarray(np.sqrt(group.stochastic.shares))

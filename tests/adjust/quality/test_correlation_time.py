@@ -12,6 +12,7 @@ from scipy import optimize
 
 from adjust.adjustment import adjust_block
 from adjust.arrays import Floats
+from adjust.least_squares import Adjusted
 from adjust.observations.base import CorrelatedOverTime
 from adjust.observations.gauss_markov import GaussMarkov
 from adjust.options import AdjustmentOptions
@@ -27,8 +28,8 @@ from adjust.quality.correlation_time import (
     zeta_of,
 )
 from adjust.quality.observation_parts import correlations_of, parts_of
-from adjust.quality.redundancy import group_residuals
-from adjust.quality.variance_components import redundancy_of, trace_matrix
+from adjust.quality.trace_matrix import trace_matrix
+from adjust.quality.variance_components import PartSums
 from adjust.result import AdjustmentResult
 from adjust.solve.design_matrix import design_matrix, full_cofactor, full_covariance
 from adjust.solve.gauss_newton import iterate
@@ -159,8 +160,7 @@ def test_shared_information_is_that_of_the_full_matrices() -> None:
         np.testing.assert_allclose(matrix, matrix.T, atol=1e-9)
     products = [remainder @ matrix[np.ix_(kept, kept)] for matrix in derivatives]
     exact = np.array([[np.sum(one * other.T) for other in products] for one in products])
-    residuals = group_residuals(system, solution.state, cofactor(system, solution))
-    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
+    redundancy = PartSums.of(Adjusted(system, solution, ()), parts).redundancy
     # Strips are sorted in time here, so our whitened rows are those of Cholesky's factor.
     probed = trace_matrix(system, solution, parts, redundancy)
     size = np.sqrt(np.outer(np.diagonal(exact), np.diagonal(exact)))

@@ -14,17 +14,16 @@ from adjust.adjustment import adjust_block
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.errors import InconsistentBlockError
+from adjust.least_squares import Adjusted
 from adjust.observations.gnss_position import GnssPositions
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT
-from adjust.quality.cofactor import cofactor
-from adjust.quality.observation_parts import Division, parts_of
-from adjust.quality.redundancy import group_residuals
+from adjust.quality.observation_parts import Division, Part, parts_of
 from adjust.quality.residual_operator import ResidualOperator
+from adjust.quality.trace_matrix import trace_matrix
 from adjust.quality.variance_components import (
-    redundancy_of,
+    PartSums,
     reweighted,
-    trace_matrix,
     variance_factors,
 )
 from adjust.result import AdjustmentResult, ObservationStatus
@@ -33,7 +32,7 @@ from adjust.simulate.flight_plan import LineGroup, base_of, spacing_of
 from adjust.simulate.object_points import PointSpecification
 from adjust.simulate.survey import SurveyLayout
 from adjust.solve.design_matrix import design_matrix, full_cofactor
-from adjust.solve.gauss_newton import iterate
+from adjust.solve.gauss_newton import Solution, iterate
 from adjust.solve.system import Observations, System
 from adjust.weighting import without_swinging
 from tests.adjust.scenes import two_strips
@@ -294,6 +293,10 @@ def dense() -> Callable[..., tuple[System, Any, Floats, list[Floats]]]:
     return build
 
 
+def sums_of(system: System, solution: Solution, parts: tuple[Part, ...]) -> PartSums:
+    return PartSums.of(Adjusted(system, solution, ()), parts)
+
+
 def test_the_residual_operator_is_that_of_the_full_equations(dense: Callable[..., Any]) -> None:
     system, solution, remainder, _ = dense()
     random = np.random.default_rng(5)
@@ -311,8 +314,7 @@ def test_probed_traces_are_those_of_the_full_equations(dense: Callable[..., Any]
     system, solution, remainder, rows = dense()
     parts = parts_of(system.observations)
     exact = np.array([[np.sum(remainder[np.ix_(g, h)] ** 2) for h in rows] for g in rows])
-    residuals = group_residuals(system, solution.state, cofactor(system, solution))
-    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
+    redundancy = sums_of(system, solution, parts).redundancy
     probed = trace_matrix(system, solution, parts, np.maximum(redundancy, 1.0))
     size = np.sqrt(np.outer(np.diagonal(exact), np.diagonal(exact)))
     assert np.abs((probed - exact) / size).max() < 0.1
@@ -334,8 +336,7 @@ def test_probed_traces_count_shared_readings_by_their_shares(dense: Callable[...
         np.broadcast_to(g.stochastic.shares, g.stochastic.present.shape) for g in system.observations.groups
     ]
     of_row = np.concatenate([one.ravel() for one in every])
-    residuals = group_residuals(system, solution.state, cofactor(system, solution))
-    redundancy = np.array([redundancy_of(system.observations, residuals, part) for part in parts])
+    redundancy = sums_of(system, solution, parts).redundancy
     alone = [k for k, part in enumerate(parts) if not part.name.startswith("control_points")]
     own = np.array([np.sum((of_row * np.diagonal(remainder))[part]) for part in rows])
     np.testing.assert_allclose(redundancy[alone], own[alone], rtol=1e-5)
@@ -352,9 +353,8 @@ def test_the_fixed_point_is_that_of_helmerts_rigorous_estimate(dense: Callable[.
     factors, free = np.ones(7), np.array([True, False, False, False, False, True, True])
     for _ in range(60):
         system, solution, remainder, rows = dense(factors)
-        residuals = group_residuals(system, solution.state, cofactor(system, solution))
         parts = parts_of(system.observations)
-        step = np.where(free, variance_factors(system.observations, residuals, parts), 1.0)
+        step = np.where(free, variance_factors(sums_of(system, solution, parts), parts), 1.0)
         factors = factors * step
         if np.abs(step - 1.0).max() < 1e-7:
             break
