@@ -19,24 +19,29 @@ comes back when it is tested again in the end.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from adjust.arrays import Floats
 from adjust.least_squares import Adjusted, Adjuster
-from adjust.observations.base import ObservationGroup
+from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.quality.redundancy import GroupResiduals
 from adjust.quality.rejection import Rejection, SnoopingRule, choose
-from adjust.solve.gauss_newton import converge
-from adjust.solve.system import Observations
+from adjust.solve.gauss_newton import Iteration, converge
+from adjust.solve.normal_equations import reduced_normals, weighted_squares
+from adjust.solve.right_hand_side import with_right_hand_sides
+from adjust.solve.step import Step
+from adjust.solve.system import Observations, System
 
 RobustFunction = Literal["huber", "cauchy", "tukey", "biber", "danish"]
 
 _MOST_ROUNDS = 12
 # Weights and values are found together: there is no use in converging with weights of one round.
+# So many steps where one alone leaves the domain of the model.
 _STEPS = 2
 # Factors that change by less than this no longer move what is found.
 _SETTLED = 0.05
@@ -84,8 +89,10 @@ def robust_rejection(
 ) -> Rejection:
     """Outliers of a robust adjustment: the largest of every object point and image."""
     state, observations = adjusted.state, adjusted.observations
-    statistics = studentized(observations, state, adjusted.residuals)
+    scales = scales_of(observations, adjusted.residuals)
+    statistics = studentized(observations, state, scales)
     factors = tuple(np.ones(len(w)) for w in statistics)
+    step: Step | None = None
     for number in range(_MOST_ROUNDS):
         weigh = WEIGHT_FUNCTIONS[function]
         following = tuple(np.maximum(weigh(w, number), _LEAST) for w in statistics)
@@ -96,11 +103,38 @@ def robust_rejection(
         if change < _SETTLED:
             break
         system = adjusted.system.remaining(_weighted_down(observations, factors))
-        state = converge(system, state, _STEPS, adjuster.progress, may_stall=True).state
-        statistics = studentized(observations, state, adjusted.residuals)
+        state, step = _moved(adjuster, system, state, step)
+        statistics = studentized(observations, state, scales)
     largest = max((float(w.max(initial=0.0)) for w in statistics), default=0.0)
     least = max(rule.critical_value, _SWAMPED * largest)
     return choose(observations, state, statistics, tuple(np.full(len(w), least) for w in statistics))
+
+
+def _moved(
+    adjuster: Adjuster, system: System, state: State, before: Step | None
+) -> tuple[State, Step | None]:
+    """The state after one step with the weights of a round, and that step if it may serve the next round.
+
+    Object points take the weights of this round. The matrix of the other unknowns, which hardly changes, is
+    that of an earlier round while the steps become shorter.
+    """
+    step = None if before is None else _repeated(before, system, state)
+    if step is None:
+        step = Step.newton(system, state, reduced_normals(system, state))
+    if not np.isfinite(weighted_squares(system, step.moved)):
+        return converge(system, state, _STEPS, adjuster.progress, may_stall=True).state, None
+    if adjuster.progress is not None:
+        adjuster.progress(Iteration(1, step.normals.weighted_squares, step.largest_move, 0.0))
+    return step.moved, step if step.movements is None else None
+
+
+def _repeated(before: Step, system: System, state: State) -> Step | None:
+    """A step with the matrix of an earlier one; None where it would be longer than that."""
+    normals = with_right_hand_sides(before.normals, system, state)
+    if normals is None:
+        return None
+    step = replace(before, system=system).then(state, normals)
+    return step if step.largest_move <= before.largest_move else None
 
 
 def _weighted_down(observations: Observations, factors: tuple[Floats, ...]) -> Observations:
@@ -114,23 +148,31 @@ def _weighted_down(observations: Observations, factors: tuple[Floats, ...]) -> O
     )
 
 
-def studentized(
-    observations: Observations, state: State, ordinary: tuple[GroupResiduals, ...]
-) -> tuple[Floats, ...]:
-    """Largest controlled |w| of every observation (n,), its cofactor that of the ordinary adjustment."""
-    return tuple(
-        _of_group(group, state, item) for group, item in zip(observations.groups, ordinary, strict=True)
-    )
+def scales_of(observations: Observations, ordinary: tuple[GroupResiduals, ...]) -> tuple[Floats, ...]:
+    """What makes w of P v for every component (n, m), by the cofactors of the ordinary adjustment.
+
+    1/√(P Q_vv P)_ii, with which P v is v/(σ √r) where nothing is correlated; errors of considered parameters,
+    which make ∇₀ larger, make it smaller. Zero for what is not controlled.
+    """
+    scales = []
+    for group, item in zip(observations.groups, ordinary, strict=True):
+        if isinstance(group, ImagePoints):  # without the matrices of the general form, which are large
+            sigma, present = group.sigma, group.active[:, None]
+        else:
+            sigma, present = group.stochastic.sigma, group.stochastic.present
+        controlled = (np.nan_to_num(item.control) >= UNCONTROLLED) & present
+        with np.errstate(invalid="ignore"):
+            inverse = NON_CENTRALITY * sigma**2 / (item.control * item.detectable)
+        scales.append(np.where(controlled, inverse, 0.0))
+    return tuple(scales)
 
 
-def _of_group(group: ObservationGroup, state: State, ordinary: GroupResiduals) -> Floats:
-    model = group.stochastic
-    misclosure = np.where(model.present, np.nan_to_num(group.linearize(state).misclosure), 0.0)
-    controlled = (np.nan_to_num(ordinary.control) >= UNCONTROLLED) & model.present
-    # 1/√(P Q_vv P)_ii, with which P v is v/(σ √r) where nothing is correlated; errors of considered
-    # parameters, which make ∇₀ larger, make it smaller.
-    with np.errstate(invalid="ignore"):
-        inverse = NON_CENTRALITY * model.sigma**2 / (ordinary.control * ordinary.detectable)
-    spread = np.where(controlled, inverse, 0.0)
-    largest: Floats = (np.abs(model.weighted(misclosure)) * spread).max(axis=1)
-    return largest
+def studentized(observations: Observations, state: State, scales: tuple[Floats, ...]) -> tuple[Floats, ...]:
+    """Largest controlled |w| of every observation (n,)."""
+    rays = observations.image_points
+    weighted = [np.nan_to_num(rays.misclosure(state)) * rays.inverse_sigma**2]
+    for group in observations.others:
+        model = group.stochastic
+        misclosure = np.where(model.present, np.nan_to_num(group.linearize(state).misclosure), 0.0)
+        weighted.append(model.weighted(misclosure))
+    return tuple(np.max(np.abs(a) * b, axis=1) for a, b in zip(weighted, scales, strict=True))

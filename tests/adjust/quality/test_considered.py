@@ -33,7 +33,7 @@ from adjust.quality.detectability import NON_CENTRALITY
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.quality.model_alternatives import ParameterAlternative
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
-from adjust.quality.robust import studentized
+from adjust.quality.robust import scales_of, studentized
 from adjust.result import ObservationStatus
 from adjust.solve.design_matrix import (
     DesignMatrix,
@@ -488,6 +488,7 @@ def test_robust_estimation_begins_with_the_statistics_of_the_ordinary_adjustment
     block = replace(scene.block, considered=known())
     system = System.of(block, scene.observations)
     adjusted = Adjuster(AdjustmentOptions()).adjust(system, block.approximate_state())
-    found = studentized(adjusted.observations, adjusted.state, adjusted.residuals)
+    scales = scales_of(adjusted.observations, adjusted.residuals)
+    found = studentized(adjusted.observations, adjusted.state, scales)
     for own, expected in zip(found, snooping_statistics(adjusted, SnoopingRule(3.29)), strict=True):
         np.testing.assert_allclose(own, expected, atol=1e-9)
