@@ -12,8 +12,9 @@ from typing import Any
 
 import waitress
 from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, html, no_update
+from waitress.channel import HTTPChannel
 from waitress.trigger import trigger
-from waitress.wasyncore import close_all, poll
+from waitress.wasyncore import poll
 
 from flows.overview import plots
 from flows.overview.access import add_results, guard, page_policy
@@ -257,7 +258,9 @@ def page_server(sources: Sources, host: str, port: int) -> Iterator[None]:
         waker.pull_trigger()
         # Polling fails on a socket that is closed meanwhile.
         polling.join()
-        close_all(sockets)
+        for one in list(sockets.values()):
+            # Large answers that wait for their visitor are in files.
+            (one.handle_close if isinstance(one, HTTPChannel) else one.close)()
 
 
 def _poll(sockets: dict[int, Any], ends: threading.Event) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gc
 import json
 import re
 import socket
@@ -12,6 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
+from urllib.request import Request, urlopen
 
 import pytest
 from flask.testing import FlaskClient
@@ -22,6 +24,7 @@ from flows.server.inbox import Scheduled
 from tasks.production.notice import Links
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records
+from tests.flows.overview.conftest import DOOR
 from tests.ports import free_port
 from tests.tasks.production.runs import ended, run, summary
 from tests.tasks.production.test_documents import REPORT, publish
@@ -370,6 +373,25 @@ def test_a_stranger_cannot_fill_the_disk(sources: Sources, declared: bool) -> No
                 stranger.sendall(piece)
                 sent += len(piece)
     assert sent < 25_000_000
+
+
+def test_a_page_ends_without_a_fault_while_a_large_answer_waits_for_its_visitor(sources: Sources) -> None:
+    """A file that is left open fails the test."""
+    port, secret = free_port("127.0.0.1"), basic(DOOR.password)["Authorization"]
+    with page_server(sources, "127.0.0.1", port):
+        address = f"http://127.0.0.1:{port}"
+        with urlopen(Request(address, headers={"Authorization": secret})) as answer:
+            scripts = re.findall(r'src="(/_dash-component-suites/[^"]*)"', answer.read().decode())
+        visitors = []
+        for script in scripts:
+            visitor = socket.create_connection(("127.0.0.1", port))
+            visitor.sendall(
+                f"GET {script} HTTP/1.1\r\nHost: localhost\r\nAuthorization: {secret}\r\n\r\n".encode()
+            )
+            assert visitor.recv(15) == b"HTTP/1.1 200 OK"
+            visitors.append(visitor)
+    gc.collect()
+    _hang_up(visitors)
 
 
 def _hang_up(visitors: list[socket.socket]) -> None:
