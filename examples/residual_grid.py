@@ -13,7 +13,7 @@ corrections the cross-validation took, and which part of vᵀPv they take from i
     high: 9 × 9 with seams         σ0 1.005   Z 0.046 m   8 ×   45.2 %
     low: no correction             σ0 1.263   Z 0.198 m
     low: grid of the high flight   σ0 1.004   Z 0.036 m
-    mean residuals of both flights: correlation 0.75 in x, 0.81 in y; 32 % of the sub-areas differ
+    mean residuals of both flights: correlation 0.75 in x, 0.81 in y; 28 % of the sub-areas differ
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tasks.files.delivered_file import require_none_replaced
 from tasks.files.installation import writing_into
-from tasks.results.manifest import Manifest, manifest_of, read_manifest, write_manifest
+from tasks.results.manifest import Manifest, manifest_of, published_entry, read_manifest, write_manifest
 from tasks.results.summary import Summary, summary_of, write_summary
 from tasks.settings.base import Settings
 from tasks.settings.project import Project
@@ -161,7 +161,8 @@ def put_out(
     require_in_place(directory)
     records = read_records(store.folder)
     names = (artifact.path.name for artifact in artifacts)
-    delivered = {path for record in records for path in record.inputs}
+    inputs = {Path(path): digest for record in records for path, digest in record.inputs.items()}
+    delivered = [path for path, digest in inputs.items() if not _left_here(directory, path, digest)]
     require_none_replaced((directory / name for name in names), delivered)
     with writing_into(directory):
         last = read_manifest(directory)
@@ -174,6 +175,14 @@ def put_out(
         write_manifest(directory, made if last is None else made.beside(last, own))
     if store.remote is not None:
         store.remote.publish(made.to_json(), summary.to_json(), own)
+
+
+def _left_here(directory: Path, path: Path, digest: str) -> bool:
+    """Whether an earlier run has published a file here that was read, as a check reads a calibration."""
+    if path.resolve().parent != directory.resolve():
+        return False
+    entry = published_entry(path)
+    return entry is not None and entry.sha256 == digest
 
 
 def _place(artifact: Artifact, target: Path) -> None:
