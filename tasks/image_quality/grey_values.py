@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from adjust.arrays import Bools
+from adjust.arrays import Bools, Ints
 from tasks.errors import Location
 from tasks.image_files.image_reader import ImageDescription, Pixels
 
@@ -28,13 +28,15 @@ def clipping_value(about: ImageDescription, pixels: Pixels) -> float:
     Files seldom say that a sensor has 10 to 15 bits of 16. It is seen where the largest value among these
     pixels is that of such a sensor, and many of them have it.
     """
-    if about.dtype != "uint16" or about.bits < 16:
-        return about.largest
-    largest = int(pixels.max(initial=0))
-    is_full = largest >= 2**_SENSOR_BITS - 1 and largest & (largest + 1) == 0
-    if is_full and np.count_nonzero(pixels == largest) >= _CLIPPED:
-        return float(largest)
-    return about.largest
+    greatest = int(pixels.max(initial=0)) if about.dtype == "uint16" else 0
+    return _largest_of_sensor(about, greatest, int(np.count_nonzero(pixels == greatest)))
+
+
+def _largest_of_sensor(about: ImageDescription, greatest: int, count: int) -> float:
+    """The same, from the greatest value there is and how many pixels have it."""
+    is_full = greatest >= 2**_SENSOR_BITS - 1 and greatest & (greatest + 1) == 0
+    of_sensor = about.dtype == "uint16" and about.bits == 16 and is_full and count >= _CLIPPED
+    return float(greatest) if of_sensor else about.largest
 
 
 @dataclass(eq=False)
@@ -44,27 +46,37 @@ class GreyValues:
     Attributes
     ----------
     about : of its image.
-    pixels, clipped, known : number of pixels, of those at the largest value, and of those that take part.
-    largest : that value; of a sensor of fewer bits than its type where it is seen.
+    pixels, known : number of pixels, and of those that take part.
     """
 
     about: ImageDescription
     pixels: int = 0
-    clipped: int = 0
     known: int = 0
-    largest: float = np.inf
+    _clipped: int = 0
+    _count: Ints = field(default_factory=lambda: np.zeros(_SIXTEEN_BITS, dtype=np.int64))
     _seen: Bools = field(default_factory=lambda: np.zeros(_SIXTEEN_BITS, dtype=bool))
 
     def take(self, pixels: Pixels, known: Bools) -> None:
         """Add some rows (rows, columns), with a mask of the pixels that take part."""
-        self.largest = min(self.largest, clipping_value(self.about, pixels))
         rows, known = pixels[::_EVERY], known[::_EVERY]
         self.pixels += rows.size
         self.known += int(np.count_nonzero(known))
-        if not self.about.dtype.startswith("float"):
-            self.clipped += int(np.count_nonzero(rows >= self.largest))
         if self.about.dtype == "uint16":
+            self._count += np.bincount(rows.ravel(), minlength=_SIXTEEN_BITS)
             self._seen[rows[known]] = True
+        elif not self.about.dtype.startswith("float"):
+            self._clipped += int(np.count_nonzero(rows >= self.about.largest))
+
+    @property
+    def largest(self) -> float:
+        """Largest value of the type; of a sensor of fewer bits where no pixel of the band exceeds it."""
+        greatest = int(np.flatnonzero(self._count)[-1]) if self._count.any() else 0
+        return _largest_of_sensor(self.about, greatest, int(self._count[greatest]))
+
+    @property
+    def clipped(self) -> int:
+        """Number of pixels at the largest value."""
+        return self._clipped + int(self._count[int(min(self.largest, _SIXTEEN_BITS)) :].sum())
 
     @property
     def scaled(self) -> int | None:
