@@ -47,7 +47,7 @@ class _Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualsOfOthers:
+class ResidualOperatorOfOthers:
     """R at the solution of a system, for all groups but the image points.
 
     Attributes

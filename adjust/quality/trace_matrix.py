@@ -16,7 +16,7 @@ from adjust.observations.base import ObservationGroup
 from adjust.quality import correlation_time
 from adjust.quality.observation_parts import Part
 from adjust.quality.residual_operator import ResidualOperator
-from adjust.quality.residuals_of_others import ResidualsOfOthers
+from adjust.quality.residual_operator_of_others import ResidualOperatorOfOthers
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.system import Observations, System
 
@@ -43,7 +43,7 @@ def trace_matrix(system: System, solution: Solution, parts: tuple[Part, ...], re
     rays = [k for k, part in enumerate(parts) if part.group == 0]
     others = [k for k, part in enumerate(parts) if part.group > 0]
     whole = [k for k in rays if parts[k].rows is None]
-    operator = ResidualsOfOthers.of(system, solution)
+    operator = ResidualOperatorOfOthers.of(system, solution)
     for h in others:
         for count in _portions(int(number[h])):
             of_others, of_rays = _probed_others(operator, system.observations, parts, h, count, random)
@@ -70,7 +70,7 @@ def _portions(probes: int) -> Iterator[int]:
 
 
 def _probed_others(
-    operator: ResidualsOfOthers,
+    operator: ResidualOperatorOfOthers,
     observations: Observations,
     parts: tuple[Part, ...],
     h: int,
@@ -100,7 +100,7 @@ def _probed_others(
 
 
 def _shared_with_others(
-    operator: ResidualsOfOthers, observations: Observations, probes: int, random: np.random.Generator
+    operator: ResidualOperatorOfOthers, observations: Observations, probes: int, random: np.random.Generator
 ) -> float:
     """tr(R K_g R K_h) of all image points with all other observations."""
     found = 0.0
