@@ -16,15 +16,23 @@ AUDIT_STAMP := $(AUDIT_VENV)/.installed
 # Everything is compiled once for all the processes that a target starts, whatever the machine's default is.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: venv test slow-test service-deps service-test fault-deps fault-test lint deploy-lint docs docs-lint spelling audit demo bench bench-large clean
+.PHONY: venv test slow-test service-deps service-test fault-deps fault-test lint style types deploy-lint docs docs-lint spelling audit demo bench bench-large clean
 
 venv: $(STAMP)
 
-# The locks are complete, so pip resolves nothing; the project itself is installed in place.
+# The locks are complete, so pip resolves nothing. It compiles nothing: of the many modules that are installed few are
+# loaded, and those are compiled then.
+INSTALL = -m pip install --quiet --disable-pip-version-check --no-deps --no-compile
+# The pip that comes with Python 3.11 needs twice the time.
+PIP := $(shell grep '^pip==' requirements-dev.lock)
+# $(call environment,FOLDER,LOCK): an environment with what a lock names.
+environment = { test -x $(1)/bin/python || $(PYTHON) -m venv $(1); } \
+	&& $(1)/bin/python $(INSTALL) $(PIP) && $(1)/bin/python $(INSTALL) -r $(2)
+
+# The project itself is installed in place.
 $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-dev.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(call environment,$(VENV),requirements-dev.lock)
+	$(BIN)/python $(INSTALL) --no-build-isolation --editable .
 	touch $@
 
 # In random order; its seed is printed. In the order of the files: make test OPTIONS="-p no:randomly".
@@ -59,16 +67,19 @@ fault-deps: service-deps
 fault-test: $(STAMP)
 	$(BIN)/python -m pytest -m fault -p no:randomly -s tests/faults $(OPTIONS)
 
-lint: $(STAMP)
+lint: style types
+
+style: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+types: $(STAMP)
+	$(BIN)/mypy
 
 # Checkers of deploy/, in an environment of their own.
 $(DEPLOY_STAMP): requirements-deploy.lock
-	test -x $(DEPLOY_VENV)/bin/python || $(PYTHON) -m venv $(DEPLOY_VENV)
-	$(DEPLOY_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-deploy.lock
+	$(call environment,$(DEPLOY_VENV),requirements-deploy.lock)
 	touch $@
 
 deploy-lint: $(DEPLOY_STAMP)
@@ -79,8 +90,7 @@ deploy-lint: $(DEPLOY_STAMP)
 
 # The documentation site, in build/site; what builds it, in an environment of its own, needs no network.
 $(DOCS_STAMP): requirements-docs.lock
-	test -x $(DOCS_VENV)/bin/python || $(PYTHON) -m venv $(DOCS_VENV)
-	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-docs.lock
+	$(call environment,$(DOCS_VENV),requirements-docs.lock)
 	touch $@
 
 # Every warning is an error: a broken link, a missing anchor, a docstring that cannot be read.
@@ -99,8 +109,7 @@ spelling: $(DOCS_STAMP)
 
 # Known vulnerabilities of everything locked. It asks PyPI's advisories over the network, so CI does not run it.
 $(AUDIT_STAMP): requirements-audit.lock
-	test -x $(AUDIT_VENV)/bin/python || $(PYTHON) -m venv $(AUDIT_VENV)
-	$(AUDIT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-audit.lock
+	$(call environment,$(AUDIT_VENV),requirements-audit.lock)
 	touch $@
 
 # Strict: a package that cannot be audited fails the audit like one that is vulnerable.
@@ -117,7 +126,7 @@ demo: $(STAMP)
 
 # The peer is an extra of its own; nothing else needs it.
 $(BENCH_STAMP): $(STAMP) requirements-bench.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-bench.lock
+	$(BIN)/python $(INSTALL) -r requirements-bench.lock
 	touch $@
 
 bench: $(BENCH_STAMP)

@@ -13,8 +13,8 @@ from packaging.utils import canonicalize_name
 from tests.conftest import REPOSITORY
 
 LOCKS = sorted(path.name for path in REPOSITORY.glob("requirements*.lock"))
-#: Installed besides: the installer, this package in place, and the peer of the benchmarks.
-BESIDES = {"pip", "setuptools", "aerocal", "pycolmap"}
+#: Installed besides: this package in place, and the peer of the benchmarks.
+BESIDES = {"setuptools", "aerocal", "pycolmap"}
 
 
 def locked(name: str) -> dict[str, str]:
