@@ -190,3 +190,24 @@ def test_a_killed_process_leaves_no_image_and_the_next_one_no_trace_of_it(
     done = aerocal("undistort", results, path, "--out", out)
     assert done.returncode == 0, done.stderr
     assert {file.name for file in out.iterdir()} == {path.name, "cameras.csv", "UNDISTORTED.txt"}
+
+
+def test_a_folder_of_others_is_left_as_it_is(results: Path, name: str, tmp_path: Path) -> None:
+    """Their images, and the cameras of an undistortion with another calibration."""
+    image = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8"))
+    for file, sentence in ((image.name, "It exists already"), ("cameras.csv", "images of other cameras")):
+        theirs = tmp_path / file.partition(".")[0] / file
+        theirs.parent.mkdir()
+        theirs.write_bytes(b"theirs")
+        done = aerocal("undistort", results, image, "--out", theirs.parent)
+        assert done.returncode == 2, done.stdout
+        assert f"{theirs}: " in done.stderr
+        assert sentence in done.stderr
+        assert [one.read_bytes() for one in theirs.parent.iterdir()] == [b"theirs"]
+
+
+def test_an_image_is_written_again_over_its_own_result(results: Path, name: str, tmp_path: Path) -> None:
+    image = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8"))
+    for _ in range(2):
+        done = aerocal("undistort", results, image, "--out", tmp_path / "out")
+        assert done.returncode == 0, done.stderr

@@ -123,14 +123,18 @@ def undistort(
     ------
     InputError
         If there are no results, no such camera or resampling, an image is not of the block, is a scanned film
-        or does not have the size of its camera, or would be written over another one. Nothing is written
-        then.
+        or does not have the size of its camera, or would be written over another one, or if the folder has
+        images of other cameras. Nothing is written then.
     InstallationError
         If the files cannot be written, or the installation is without rasterio.
     """
     folder = results / "undistorted" if out is None else out
     kind = _resampling(resampling)
-    jobs = _jobs(results, images, folder, camera)
+    cameras, of_image = read_cameras(results)
+    film = film_cameras(results)
+    jobs = _jobs(cameras, of_image, film, images, folder, camera)
+    ideal = ideal_cameras(one.frame for name, one in cameras.items() if name not in film)
+    _require_own(folder, jobs, ideal)
     work, maps, done = Work(kind, available_threads()), dict[str, CameraMap](), []
     for number, job in enumerate(jobs, start=1):
         name = job.camera.frame.name
@@ -139,13 +143,11 @@ def undistort(
             maps[name] = camera_map(job.camera)
         _log.info("%s: image %d of %d", job.file, number, len(jobs))
         done.append(_carried_out(job, maps[name], folder, work, progress))
+        # After the first image: a run that is killed leaves a folder that the next one knows as its own.
+        if number == 1:
+            _write(folder, _CAMERAS, ideal)
     text = undistorted_statement(tuple(maps.values()), done, kind)
-    cameras = ideal_cameras(one.camera.frame for one in maps.values())
-    with writing_into(folder):
-        for file, content in ((_CAMERAS, cameras), (STATEMENT, text)):
-            part = folder / f".{file}.part"
-            part.write_text(content, encoding="utf-8")
-            part.replace(folder / file)
+    _write(folder, STATEMENT, text)
     return Undistorted(folder, tuple(job.file for job in jobs), text)
 
 
@@ -171,15 +173,45 @@ def _carried_out(
     return UndistortedImage(job.file, job.camera.frame.name, part, left_out, alpha)
 
 
-def _jobs(results: Path, images: Sequence[Path], folder: Path, camera: str | None) -> list[_Job]:
+def _require_own(folder: Path, jobs: Sequence[_Job], cameras: str) -> None:
+    """Refuse a folder with images that others have written, or whose cameras are not these."""
+    own = folder / _CAMERAS
+    if own.exists():
+        if own.read_bytes() != cameras.encode():
+            raise Location(own).error(
+                "The folder has images of other cameras, or of another calibration.",
+                "Give another --out, or delete the folder first.",
+            )
+        return
+    for job in jobs:
+        if (folder / job.file).exists():
+            raise Location(folder / job.file).error(
+                "It exists already, and the folder has no images of aerocal undistort.", "Give another --out."
+            )
+
+
+def _write(folder: Path, file: str, content: str) -> None:
+    with writing_into(folder):
+        part = folder / f".{file}.part"
+        part.write_text(content, encoding="utf-8")
+        part.replace(folder / file)
+
+
+def _jobs(
+    cameras: Mapping[str, CalibratedCamera],
+    of_image: Mapping[str, str],
+    film: frozenset[str],
+    images: Sequence[Path],
+    folder: Path,
+    camera: str | None,
+) -> list[_Job]:
     """All requested images, after all checks."""
-    cameras, of_image = read_cameras(results)
     if camera is not None and camera not in cameras:
         raise InputError(
             f"The results have no camera '{camera}'.", did_you_mean(camera, list(cameras)), entity="--camera"
         )
     require_folder(folder)
-    jobs, film = dict[str, _Job](), film_cameras(results)
+    jobs = dict[str, _Job]()
     for path in images:
         about = described(path)
         taken_by = cameras[_camera_of(path, of_image) if camera is None else camera]
