@@ -132,9 +132,9 @@ def _as_their_events(exposures: pd.DataFrame, cameras: pd.DataFrame) -> pd.DataF
 
     These are approximate values, without standard deviation: the reading of the event is that of the other.
     """
-    mountings = Mountings.from_table(cameras)
-    if not mountings.has_heads or (has_position(exposures) & has_attitude(exposures)).all():
+    if cameras["head_of"].isna().all() or (has_position(exposures) & has_attitude(exposures)).all():
         return exposures
+    mountings = Mountings.from_table(cameras)
     result = exposures.reset_index(drop=True)
     camera = pd.Index(mountings.names).get_indexer(pd.Index(result["camera"])).astype(np.int64)
     event = joined_images(

@@ -209,23 +209,35 @@ def _mounting(name: str, cameras: Mapping[str, CameraInput]) -> _Mounting:
     return _Mounting(tuple(arm.tolist()), tuple(angles.tolist()))
 
 
+_INTERIOR = (
+    "camera",
+    "columns",
+    "rows",
+    "pixel_um",
+    "focal_length_mm",
+    "principal_point_x_mm",
+    "principal_point_y_mm",
+    "pixel_origin",
+    "mount_deg",
+)
+
+
 def frame_cameras(table: pd.DataFrame) -> dict[str, FrameCamera]:
     """The cameras of the table ``cameras`` as the mathematics knows them, by name, in its order."""
+    # Not as records: of a table of one row and forty columns, those take longer than all the rest.
+    columns = (table[name].tolist() for name in _INTERIOR)
     return {
-        str(row["camera"]): FrameCamera(
-            name=str(row["camera"]),
-            columns=int(row["columns"]),
-            rows=int(row["rows"]),
-            pixel_size=float(row["pixel_um"]) * _UM,
-            focal_length=float(row["focal_length_mm"]) * _MM,
-            principal_point=(
-                float(row["principal_point_x_mm"]) * _MM,
-                float(row["principal_point_y_mm"]) * _MM,
-            ),
-            pixel_origin=cast(PixelOrigin, str(row["pixel_origin"])),
-            mount_deg=int(row["mount_deg"]),
+        str(name): FrameCamera(
+            name=str(name),
+            columns=int(width),
+            rows=int(height),
+            pixel_size=float(pixel_um) * _UM,
+            focal_length=float(c_mm) * _MM,
+            principal_point=(float(x_mm) * _MM, float(y_mm) * _MM),
+            pixel_origin=cast(PixelOrigin, str(origin)),
+            mount_deg=int(mount_deg),
         )
-        for row in table.to_dict("records")
+        for name, width, height, pixel_um, c_mm, x_mm, y_mm, origin, mount_deg in zip(*columns, strict=True)
     }
 
 

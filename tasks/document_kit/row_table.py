@@ -110,10 +110,16 @@ def table_of(
     ----------
     key : of a row: a pattern with names of values, such as ``{point}:{other_point}``, or a function.
     """
-    rows = records.to_dict("records") if isinstance(records, pd.DataFrame) else tuple(records)
+    rows = _records(records) if isinstance(records, pd.DataFrame) else tuple(records)
     key_of = _pattern(key) if isinstance(key, str) else key
     made = tuple(Row(key_of(row), tuple(one.cell(row) for one in shown)) for row in rows)
     return Table(name, caption, tuple(one.column for one in shown), made, note)
+
+
+def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows by names of columns, as ``to_dict`` of pandas gives them in three times the time."""
+    columns = {str(name): column.tolist() for name, column in table.items()}
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def omitted(listed: Sized, total: Sized, file: str, *, largest: bool = False) -> str:

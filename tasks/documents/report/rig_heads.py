@@ -36,7 +36,9 @@ def has_heads(material: Material) -> bool:
 
 
 def head_tables(material: Material) -> tuple[Table, ...]:
-    """Relative positions, relative rotations and synchronisation offsets, one row for each head."""
+    """Relative positions, relative rotations and synchronisation offsets, one row for each head; if any."""
+    if not has_heads(material):
+        return ()
     return tuple(
         _kind_table(material, KINDS[kind], name) for kind, name in zip(OF_HEADS, HEAD_TABLES, strict=True)
     )
