@@ -72,7 +72,7 @@ def sources_reached(start: Path) -> dict[str, Path]:
         reached[_name(file)] = file
         reached.update({_name(template): template for template in _templates(file.parent)})
         for imported in _imports(file):
-            reached.update({_name(parent): parent for parent in _parents(imported)})
+            reached.update({_name(parent): parent for parent in _parents(imported.parent)})
             ahead.append(imported)
     return reached
 
@@ -93,23 +93,27 @@ def _digest_of(files: Mapping[str, Path]) -> str:
     return digest.hexdigest()
 
 
-def _templates(folder: Path) -> Iterator[Path]:
+@cache
+def _templates(folder: Path) -> tuple[Path, ...]:
     """The template files of one of our packages."""
     if folder.is_relative_to(ROOT) and folder.relative_to(ROOT).parts[:1] in {(name,) for name in PACKAGES}:
-        yield from (path for path in folder.joinpath(TEMPLATES).rglob("*") if path.is_file())
+        return tuple(path for path in folder.joinpath(TEMPLATES).rglob("*") if path.is_file())
+    return ()
 
 
+# A file is named once by each module that imports it, for each stage.
+@cache
 def _name(file: Path) -> str:
     return file.relative_to(ROOT).as_posix() if file.is_relative_to(ROOT) else file.name
 
 
-def _parents(file: Path) -> Iterator[Path]:
-    """The ``__init__.py`` files that run before `file` is imported."""
-    folder = file.parent
-    while folder != ROOT and folder.is_relative_to(ROOT):
-        if (folder / "__init__.py").is_file():
-            yield folder / "__init__.py"
-        folder = folder.parent
+@cache
+def _parents(folder: Path) -> tuple[Path, ...]:
+    """The ``__init__.py`` files that run before a module of this folder is imported."""
+    if folder == ROOT or not folder.is_relative_to(ROOT):
+        return ()
+    own = folder / "__init__.py"
+    return (*((own,) if own.is_file() else ()), *_parents(folder.parent))
 
 
 @cache
@@ -145,6 +149,7 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
             ahead.extend(getattr(node, part, ()))
 
 
+@cache
 def _module(name: str) -> tuple[Path, ...]:
     """The file of the module `name`, empty if it is not one of ours."""
     if name.split(".", 1)[0] not in PACKAGES:
