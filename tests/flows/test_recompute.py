@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from tasks.store.source_digest import sources_reached
 from tests.command_line import aerocal
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -105,35 +106,51 @@ def test_moving_the_delivery_repeats_nothing(warm_block: Path, tmp_path: Path) -
 
 
 def test_a_source_file_of_the_adjustment_repeats_only_what_reaches_it(warm_block: Path, tree: Path) -> None:
-    with (tree / "flows" / "stories" / "aerial_triangulation.py").open("a") as stream:
-        stream.write("# a remark in a story\n")
-    with (tree / "tasks" / "results" / "publish.py").open("a") as stream:
-        stream.write("# a remark behind all stages\n")
-    assert computed(warm_block, tree=tree) == []
     with (tree / "adjust" / "data_snooping.py").open("a") as stream:
         stream.write("# a remark in the rejection\n")
     # Its tables come out the same, so the report has nothing new to say.
     assert computed(warm_block, tree=tree) == ["bundle_adjustment"]
 
 
-def test_a_word_in_a_template_or_a_new_name_of_the_project_repeats_the_report_only(
-    warm_block: Path, tree: Path
-) -> None:
+def test_words_of_a_remark_and_of_a_template_repeat_no_adjustment(warm_block: Path, tree: Path) -> None:
+    for behind_all_stages in ("flows/stories/aerial_triangulation.py", "tasks/results/publish.py"):
+        with (tree / behind_all_stages).open("a") as stream:
+            stream.write("# a remark\n")
     templates = tree / "tasks" / "documents" / "report" / "templates"
     edit(templates / "sections" / "datum.html.j2", "What fixes", "What holds")
-    assert computed(warm_block, tree=tree) == ["report"]
-    assert "What holds the datum" in (warm_block.parent / "results" / "report.html").read_text()
-    edit(warm_block, 'name = "two strips"', 'name = "renamed"')
-    assert computed(warm_block) == ["report"]
-    assert "<h1>renamed</h1>" in (warm_block.parent / "results" / "report.html").read_text()
-
-
-def test_another_wording_of_a_remark_repeats_no_adjustment(warm_block: Path, tree: Path) -> None:
     remarks = tree / "tasks" / "remarks" / "adjustment.py"
     edit(remarks, "image coordinates are uncontrolled", "image coordinates have no control")
     assert computed(warm_block, tree=tree) == ["remarks", "report"]
+    assert "What holds the datum" in (warm_block.parent / "results" / "report.html").read_text()
     problems = json.loads((warm_block.parent / "results" / "summary.json").read_text())["problems"]
     assert any("image coordinates have no control" in sentence for sentence in problems)
+
+
+def test_each_stage_depends_only_on_the_sources_it_needs() -> None:
+    reached = {
+        stage: set(sources_reached(REPOSITORY / "tasks" / "stages" / f"{stage}.py"))
+        for stage in (
+            "ingest",
+            "approximate_values_stage",
+            "bundle_adjustment_stage",
+            "remarks_stage",
+            "report",
+        )
+    }
+
+    def reaching(*files: str) -> set[str]:
+        return {stage for stage, sources in reached.items() if {*files} & sources}
+
+    assert reaching("adjust/data_snooping.py") == {"bundle_adjustment_stage"}
+    assert reaching("tasks/remarks/adjustment.py") == {"remarks_stage", "report"}
+    assert reaching("tasks/documents/report/templates/sections/datum.html.j2") == {"report"}
+    assert not reaching("tasks/results/publish.py", "flows/stories/aerial_triangulation.py")
+
+
+def test_a_new_name_of_the_project_repeats_the_report_only(warm_block: Path) -> None:
+    edit(warm_block, 'name = "two strips"', 'name = "renamed"')
+    assert computed(warm_block) == ["report"]
+    assert "<h1>renamed</h1>" in (warm_block.parent / "results" / "report.html").read_text()
 
 
 @pytest.mark.slow
