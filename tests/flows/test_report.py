@@ -10,6 +10,7 @@ import sys
 from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -35,15 +36,15 @@ class Reported:
 
     folder: Path
 
-    @property
+    @cached_property
     def html(self) -> str:
         return (self.folder / "report.html").read_text(encoding="utf-8")
 
-    @property
+    @cached_property
     def page(self) -> Page:
         return Page(self.html)
 
-    @property
+    @cached_property
     def summary(self) -> dict[str, object]:
         content = json.loads((self.folder / "summary.json").read_text())
         assert isinstance(content, dict)
@@ -449,11 +450,7 @@ def test_the_page_names_no_folder_and_no_time(warm_block: Path) -> None:
     assert not re.search(r"\b20\d\d-\d\d-\d\d\b|\b\d\d:\d\d:\d\d\b", html)
 
 
-def test_the_same_block_elsewhere_gives_the_same_bytes(block: Path, run_before: Path) -> None:
-    assert run(block).html == Reported(run_before / "results").html
-
-
-def test_another_process_with_another_order_of_sets_gives_the_same_bytes(
+def test_another_process_elsewhere_with_another_order_of_sets_gives_the_same_bytes(
     block: Path, run_before: Path
 ) -> None:
     page = Reported(run_before / "results").html
@@ -472,16 +469,16 @@ def test_another_process_with_another_order_of_sets_gives_the_same_bytes(
     assert (out / "report.html").read_text(encoding="utf-8") == page
 
 
-def test_names_from_files_cannot_become_markup(block: Path) -> None:
+def test_names_from_files_cannot_become_markup(warm_block: Path) -> None:
     nasty = "<script>alert('1')</script>&"
-    change(block, "image_points.csv", "1_001,", f"{nasty},")
-    change(block, "exposures.csv", "1_001,C,1,", f"{nasty},C,'><img src=x>,")
-    control = pd.read_csv(block.parent / "control.csv")["point"].tolist()
+    change(warm_block, "image_points.csv", "1_001,", f"{nasty},")
+    change(warm_block, "exposures.csv", "1_001,C,1,", f"{nasty},C,'><img src=x>,")
+    control = pd.read_csv(warm_block.parent / "control.csv")["point"].tolist()
     for name in ("image_points.csv", "control.csv"):
-        file = block.parent / name
+        file = warm_block.parent / name
         file.write_text(re.sub(rf"\b{control[1]}\b", "<b>point</b>", file.read_text()))
-    change(block, "project.toml", '"two strips"', "'</title><script>\"two\"</script> strips'")
-    reported = run(block)
+    change(warm_block, "project.toml", '"two strips"', "'</title><script>\"two\"</script> strips'")
+    reported = run(warm_block)
     page = reported.page
     assert "img" not in page.tags
     assert page.tags.count("script") == 1
@@ -499,28 +496,28 @@ def without_control(block: Path) -> None:
     (block.parent / "project.toml").write_text(head + "[adjustment]" + tail.partition("[adjustment]")[2])
 
 
-def test_a_block_without_control_says_none(block: Path) -> None:
-    without_control(block)
-    reported = run(block)
+def test_a_block_without_control_says_none(warm_block: Path) -> None:
+    without_control(warm_block)
+    reported = run(warm_block)
     require_equal(reported)
     assert "Check points: none." in reported.page.text
     assert "Control points: none were used" in reported.page.text
     assert "surveyed-statistics" not in reported.page.tables
 
 
-def test_control_without_check_points_does_not_pass_for_accuracy(block: Path) -> None:
-    change(block, "control.csv", ",check", ",control")
-    reported = run(block)
+def test_control_without_check_points_does_not_pass_for_accuracy(warm_block: Path) -> None:
+    change(warm_block, "control.csv", ",check", ",control")
+    reported = run(warm_block)
     require_equal(reported)
     assert "check-points" not in reported.page.tables
     assert "There is no independent evidence of the accuracy of the block" in reported.page.text
     assert len(reported.page.tables["control-points"].keys) == 5
 
 
-def test_control_of_which_no_image_shows_a_point_is_named_first(block: Path) -> None:
+def test_control_of_which_no_image_shows_a_point_is_named_first(warm_block: Path) -> None:
     """Other names in the survey: the residuals agree, and nothing ties the block to the ground."""
-    change(block, "control.csv", "\np", "\nP0")
-    reported = run(block)
+    change(warm_block, "control.csv", "\np", "\nP0")
+    reported = run(warm_block)
     box = re.sub(r"<[^>]+>", " ", reported.html.partition("<body>")[2].partition("<nav>")[0])
     first = " ".join(box.split())
     assert "Look at the delivery. 5 of 5 control and check points are not measured in any image" in first
@@ -528,16 +525,16 @@ def test_control_of_which_no_image_shows_a_point_is_named_first(block: Path) -> 
     assert "but one thing contradicts the rest" in first
 
 
-def test_control_that_is_not_observed_stands_among_the_check_points(block: Path) -> None:
-    reported = run(block, 'adjustment.observe=["gnss", "ins"]')
+def test_control_that_is_not_observed_stands_among_the_check_points(warm_block: Path) -> None:
+    reported = run(warm_block, 'adjustment.observe=["gnss", "ins"]')
     require_equal(reported)
     assert len(reported.page.tables["check-points"].keys) == 5
     assert "control-points" not in reported.page.tables
     assert reported.html.count("<title>check point ") == 5
 
 
-def test_the_first_screen_names_flight_and_version_and_the_figures_of_check_points(block: Path) -> None:
-    reported = run(block, 'project.flown="2026-05-24"')
+def test_the_first_screen_names_flight_and_version_and_the_figures_of_check_points(warm_block: Path) -> None:
+    reported = run(warm_block, 'project.flown="2026-05-24"')
     summary = json.loads((reported.folder / "summary.json").read_text())
     first = re.sub(r"<[^>]+>", " ", reported.html.partition("<body>")[2].partition("<nav>")[0])
     assert f"flown 2026-05-24 · aerocal {version('aerocal')}" in first
@@ -550,8 +547,8 @@ def test_the_first_screen_names_flight_and_version_and_the_figures_of_check_poin
     assert f"GNSS positions {groups['gnss_positions']:.2f}" in first
 
 
-def test_a_block_without_ins_has_no_such_group(block: Path) -> None:
-    reported = run(block, 'adjustment.observe=["gnss", "control"]', "adjustment.free=[]")
+def test_a_block_without_ins_has_no_such_group(warm_block: Path) -> None:
+    reported = run(warm_block, 'adjustment.observe=["gnss", "control"]', "adjustment.free=[]")
     require_equal(reported)
     assert "ins_attitudes" not in reported.page.tables["groups"].keys
     assert "None were estimated." in reported.page.text
@@ -559,22 +556,22 @@ def test_a_block_without_ins_has_no_such_group(block: Path) -> None:
     assert "self-calibration" not in reported.page.tables
 
 
-def test_a_camera_without_images_gets_no_residual_plot(block: Path) -> None:
-    text = (block.parent / "project.toml").read_text()
+def test_a_camera_without_images_gets_no_residual_plot(warm_block: Path) -> None:
+    text = (warm_block.parent / "project.toml").read_text()
     own = text.partition("[cameras.C]")[2].partition("[inputs")[0]
-    change(block, "project.toml", "[inputs.image_points]", f"[cameras.D]{own}[inputs.image_points]")
-    reported = run(block)
+    change(warm_block, "project.toml", "[inputs.image_points]", f"[cameras.D]{own}[inputs.image_points]")
+    reported = run(warm_block)
     require_equal(reported)
     assert reported.page.tables["image-residuals"].keys == ["C"]
 
 
 @pytest.mark.parametrize(("count", "critical_value"), [(0, 6.0), (6, 4.13), (90, 3.29)])
 def test_rejected_observations_are_listed_the_largest_first(
-    block: Path, count: int, critical_value: float
+    warm_block: Path, count: int, critical_value: float
 ) -> None:
     if count:
-        with_gross_errors(block, count)
-    reported = run(block, f"adjustment.rejection.critical_value={critical_value}", "gates.sigma0.max=9")
+        with_gross_errors(warm_block, count)
+    reported = run(warm_block, f"adjustment.rejection.critical_value={critical_value}", "gates.sigma0.max=9")
     require_equal(reported)
     found = int((reported.table("residuals")["status"] == "rejected").sum())
     assert found >= 2 * min(count, 30)
@@ -588,14 +585,14 @@ def test_rejected_observations_are_listed_the_largest_first(
     assert (f"largest of {found:,}" in reported.page.text) == (found > 60)
 
 
-def test_a_block_of_two_images_has_a_report(block: Path) -> None:
+def test_a_block_of_two_images_has_a_report(warm_block: Path) -> None:
     for name in ("exposures.csv", "image_points.csv"):
-        file = block.parent / name
+        file = warm_block.parent / name
         lines = file.read_text().splitlines()
         kept = [lines[0], *(line for line in lines[1:] if line.startswith(("1_001", "1_002")))]
         file.write_text("\n".join(kept) + "\n")
-    without_control(block)
-    reported = run(block, "adjustment.free=[]", "gates.sigma0.max=3", "gates.sigma0.min=0.1")
+    without_control(warm_block)
+    reported = run(warm_block, "adjustment.free=[]", "gates.sigma0.max=3", "gates.sigma0.min=0.1")
     require_equal(reported)
     assert reported.page.tables["key-figures"].numbers["images", "value_0"].shown == "2"
     assert reported.page.tables["point-sigmas"].keys == ["2", "all"]
