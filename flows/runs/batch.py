@@ -10,7 +10,7 @@ from pathlib import Path
 
 from flows.runs.project_run import RunRequest, StoryName, carry_out, story_named
 from flows.runs.stage import Attempt, stage
-from flows.runs.workers import workers
+from flows.runs.workers import processors, workers
 from tasks.errors import AerocalError, InputError
 from tasks.files.delivered_file import is_there
 from tasks.results.summary import Summary
@@ -45,7 +45,8 @@ def carry_out_batch(
     ----------
     requests : the projects, with absolute paths: a worker elsewhere has another working folder.
     story : None: of each project the one that its file declares.
-    count : how many at a time on this machine; None: one per processor. A cluster has its own number.
+    count : how many at a time on this machine; None: one per processor. A cluster has its own number. Not
+        more are started than there are projects.
 
     Returns
     -------
@@ -68,7 +69,9 @@ def carry_out_batch(
         _log.info("batch: %d of %d: %s", len(done), len(requests), in_one_line(requests[index], end))
 
     folders = tuple(request.directory for request in there if _is_made(request.directory))
-    with workers(count, folders, (*sorted(named), REGISTRY_VARIABLE)) as executor:
+    # A worker without a project takes a second to start all the same.
+    most = min(processors() if count is None else count, max(1, len(there)))
+    with workers(most, folders, (*sorted(named), REGISTRY_VARIABLE)) as executor:
         ends = run_project.attempt(
             [{"request": request} for request in requests], story, executor=executor, when_done=say
         )

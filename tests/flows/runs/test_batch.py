@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import shutil
-import sys
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
 from tests.command_line import aerocal
-
-AEROCAL = [sys.executable, "-m", "flows.command"]
 
 
 def digests(out: Path) -> dict[str, str]:
@@ -97,21 +96,23 @@ def test_two_projects_that_would_share_a_folder_are_refused(block: Path) -> None
     assert not (block.parent / "results").exists()
 
 
-def test_a_folder_that_cannot_be_written_fails_alone(block: Path) -> None:
-    other = copy_of(block, "other")
+def test_a_folder_that_cannot_be_written_fails_alone(warm_block: Path) -> None:
+    other = copy_of(warm_block, "other")
+    shutil.rmtree(other.parent / "results")
     (other.parent / "results").mkdir()
     (other.parent / "results" / ".store").write_text("a file where a folder should be")
-    done = aerocal("batch", other, block, "--workers", "1", "--json")
+    done = aerocal("batch", other, warm_block, "--workers", "1", "--json")
     assert done.returncode == 1
     rows = json.loads(done.stdout)
     assert [row["status"] for row in rows] == ["failed", "done"]
     assert "cannot be written" in rows[0]["error"]
 
 
-def test_a_file_in_the_place_of_a_folder_is_wrong_input_of_its_project_alone(block: Path) -> None:
-    other = copy_of(block, "other")
+def test_a_file_in_the_place_of_a_folder_is_wrong_input_of_its_project_alone(warm_block: Path) -> None:
+    other = copy_of(warm_block, "other")
+    shutil.rmtree(other.parent / "results")
     (other.parent / "results").write_text("a file where the folder should be")
-    done = aerocal("batch", other, block, "--workers", "1", "--json")
+    done = aerocal("batch", other, warm_block, "--workers", "1", "--json")
     assert done.returncode == 2
     rows = json.loads(done.stdout)
     assert [row["status"] for row in rows] == ["input_error", "done"]
@@ -124,8 +125,20 @@ def test_projects_that_are_not_there_share_no_folder(block: Path) -> None:
     assert ["no such project file" in row["error"] for row in json.loads(done.stdout)] == [True, True]
 
 
+def test_no_more_workers_are_started_than_there_are_projects(
+    block: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> NoReturn:
+        raise AssertionError("a process was started")
+
+    monkeypatch.setattr(multiprocessing, "get_context", refused)
+    changed(block.with_name("control.csv"), "point,x", "pint,x")
+    done = aerocal("batch", block, block.with_name("missing.toml"), "--workers", "2", "--json")
+    assert [row["exit_code"] for row in json.loads(done.stdout)] == [2, 2]
+
+
 def test_each_project_runs_what_its_file_declares(block: Path) -> None:
-    block.write_text(block.read_text() + "\n[calibration]\nfree = ['boresight']\n")
+    block.write_text(block.read_text() + "\n[calibration]\nfree = ['boresight']\ntwo_step = false\n")
     done = aerocal("batch", block, "--workers", "1", "--json")
     alone = aerocal("run", block, "--json", "--out", block.with_name("alone"))
     assert json.loads(done.stdout)[0]["exit_code"] == alone.returncode
