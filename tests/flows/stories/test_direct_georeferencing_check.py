@@ -104,6 +104,32 @@ def check(calibrated: Path, other_flight: Path) -> Checked:
     return checked(other_flight, out, f"direct_georeferencing.calibration={calibrated}")
 
 
+@pytest.fixture(scope="module")
+def plain(other_flight: Path) -> Checked:
+    """The other flight checked with the values of its cameras."""
+    return checked(other_flight, other_flight.parent / "plain")
+
+
+@pytest.fixture(scope="module")
+def self_checked(tmp_path_factory: pytest.TempPathFactory) -> Checked:
+    """A flight checked with its own adjustment."""
+    project = simulated(tmp_path_factory.mktemp("own"))
+    return checked(project, project.parent / "results", OWN)
+
+
+@pytest.fixture
+def flight_of_its_own(self_checked: Checked, tmp_path: Path) -> Path:
+    """The project file of a copy of that flight with its results."""
+    return shutil.copytree(self_checked.folder.parent, tmp_path / "flight") / "project.toml"
+
+
+@pytest.fixture
+def warm_out(plain: Checked, tmp_path: Path) -> Path:
+    """An output folder with the stages of the plain check, and no results."""
+    shutil.copytree(plain.folder / ".store", tmp_path / "out" / ".store")
+    return tmp_path / "out"
+
+
 def test_without_noise_nothing_differs(tmp_path: Path) -> None:
     project = simulated(tmp_path / "exact", "noise.level=0")
     found = checked(project, tmp_path / "out", OWN)
@@ -119,13 +145,12 @@ def test_without_noise_nothing_differs(tmp_path: Path) -> None:
 
 
 def test_a_second_head_with_the_same_readings_changes_no_prediction(
-    other_flight: Path, tmp_path: Path
+    other_flight: Path, plain: Checked, tmp_path: Path
 ) -> None:
     """Its own errors are those of the readings, once: of two images they are not independent."""
     project = copied(other_flight, tmp_path / "two")
-    one = checked(project, tmp_path / "one_out")
     add_second_head(project.parent, camera="second")
-    two = checked(project, tmp_path / "two_out")
+    one, two = plain, checked(project, tmp_path / "two_out")
     for table, sigmas, keys in (
         ("y_parallaxes", ["sigma_um"], ["left", "right", "point"]),
         ("direct_georeferencing_models", [f"sigma_d{axis}_m" for axis in AXES], ["left", "right", "point"]),
@@ -159,8 +184,10 @@ def test_differences_of_another_flight_are_what_its_sigmas_and_the_calibration_p
     assert other_flight.is_file()
 
 
-def test_a_calibration_of_another_camera_is_refused(calibrated: Path, other_flight: Path) -> None:
-    out = other_flight.parent / "refused"
+def test_a_calibration_of_another_camera_is_refused(
+    calibrated: Path, other_flight: Path, warm_out: Path
+) -> None:
+    out = warm_out
     named = f"direct_georeferencing.calibration={calibrated}"
     outcome = run(other_flight, out, named, 'cameras.UCE-80.identity.body="UC-E-2"')
     assert "of another camera (no numbers there, body UC-E-2 here)" in str(outcome.error)
@@ -187,9 +214,11 @@ def test_y_parallaxes_are_what_gnss_and_ins_predict(check: Checked) -> None:
     assert len(models) == 24
 
 
-def test_calibration_errors_are_common_to_all_points(calibrated: Path, other_flight: Path) -> None:
+def test_calibration_errors_are_common_to_all_points(
+    calibrated: Path, other_flight: Path, warm_out: Path
+) -> None:
     """With a shift that is known to a metre, all points are wrong by the same, and few degrees are left."""
-    folder = other_flight.parent / "rough"
+    folder = warm_out.parent / "rough"
     shutil.copytree(calibrated, folder, ignore=shutil.ignore_patterns(".store"))
     parameters = pd.read_parquet(folder / "parameters.parquet")
     (folder / "parameters.parquet").chmod(0o644)
@@ -200,9 +229,7 @@ def test_calibration_errors_are_common_to_all_points(calibrated: Path, other_fli
     (folder / "correlations.parquet").chmod(0o644)
     for table, name in ((parameters, "parameters"), (correlations, "correlations")):
         _with_the_same_metadata(table, calibrated / f"{name}.parquet", folder / f"{name}.parquet")
-    figures = checked(
-        other_flight, other_flight.parent / "out", f"direct_georeferencing.calibration={folder}"
-    ).figures
+    figures = checked(other_flight, warm_out, f"direct_georeferencing.calibration={folder}").figures
     for k in range(3):
         assert figures["predicted_parts_m"]["calibration"][k] > 1.0
         assert figures["predicted_mean_sigma_m"][k] == pytest.approx(figures["predicted_rmse_m"][k], rel=0.1)
@@ -238,7 +265,7 @@ def test_control_of_the_calibration_is_kept_apart_however_it_is_called(
 
 
 def test_the_values_of_the_cameras_are_a_calibration_without_sigmas(
-    calibrated: Path, other_flight: Path
+    calibrated: Path, other_flight: Path, warm_out: Path
 ) -> None:
     parameters = pd.read_parquet(calibrated / "parameters.parquet").set_index("parameter")["value"]
     camera = "cameras.UCE-80"
@@ -247,15 +274,17 @@ def test_the_values_of_the_cameras_are_a_calibration_without_sigmas(
         f"{camera}.principal_point_mm=[{parameters['principal_point_x']}, {parameters['principal_point_y']}]",
         f"{camera}.boresight_deg={[float(parameters[f'boresight_{n}']) for n in ('roll', 'pitch', 'yaw')]}",
     )
-    figures = checked(other_flight, other_flight.parent / "cameras", *overrides).figures
+    figures = checked(other_flight, warm_out, *overrides).figures
     # The shift (−0.26, 0.12, 0.29 m) is no value of a camera: without it all points are off by it.
     np.testing.assert_allclose(figures["mean_m"][:2], [-0.262, 0.123], atol=0.1)
     assert figures["predicted_parts_m"]["calibration"] == [0.0, 0.0, 0.0]
 
 
-def test_an_own_adjustment_that_estimated_nothing_is_not_of_unknown_exposures(other_flight: Path) -> None:
+def test_an_own_adjustment_that_estimated_nothing_is_not_of_unknown_exposures(
+    other_flight: Path, warm_out: Path
+) -> None:
     overrides = ("direct_georeferencing.calibration=adjustment", "adjustment.free=[]")
-    said = checked(other_flight, other_flight.parent / "held", *overrides).summary["problems"]
+    said = checked(other_flight, warm_out, *overrides).summary["problems"]
     assert any("has estimated no parameter" in sentence for sentence in said)
     assert not any("are not known" in sentence for sentence in said)
 
@@ -352,29 +381,29 @@ def test_without_any_surveyed_point_the_parallaxes_are_still_checked(
 
 def test_mean_residuals_that_the_own_adjustment_added_correct_the_check_too(tmp_path: Path) -> None:
     # A radial error looks like a relative orientation; shifts of single CCD images do not.
-    changes = ("truth.image_errors.tile_um=4.0", "points.count=2500")
+    changes = ("truth.image_errors.tile_um=8.0", "points.count=900")
     project = simulated(tmp_path / "tiles", *changes)
     plain, corrected = (
-        checked(project, tmp_path / name, OWN, f"adjustment.residual_grid.iterations={iterations}").figures
-        for name, iterations in (("plain", 0), ("corrected", 3))
+        checked(project, tmp_path / "out", OWN, f"adjustment.residual_grid.iterations={iterations}").figures
+        for iterations in (0, 3)
     )
     assert corrected["y_parallax_remaining_sigma_um"] < 0.9 * plain["y_parallax_remaining_sigma_um"]
 
 
-def test_errors_that_last_are_taken_into_account(other_flight: Path, tmp_path: Path) -> None:
-    plain = checked(other_flight, tmp_path / "plain").figures
-    lasting = checked(other_flight, tmp_path / "lasting", "adjustment.ins_correlation_s=300").figures
-    assert lasting["y_parallax_predicted_rms_um"] < 0.8 * plain["y_parallax_predicted_rms_um"]
-    assert lasting["rmse_m"] == plain["rmse_m"]
+def test_errors_that_last_are_taken_into_account(other_flight: Path, plain: Checked, warm_out: Path) -> None:
+    lasting = checked(other_flight, warm_out, "adjustment.ins_correlation_s=300").figures
+    assert lasting["y_parallax_predicted_rms_um"] < 0.8 * plain.figures["y_parallax_predicted_rms_um"]
+    assert lasting["rmse_m"] == plain.figures["rmse_m"]
 
 
-def test_mismatched_points_are_left_out_of_the_parallaxes(other_flight: Path, tmp_path: Path) -> None:
+def test_mismatched_points_are_left_out_of_the_parallaxes(
+    other_flight: Path, plain: Checked, warm_out: Path, tmp_path: Path
+) -> None:
     project = copied(other_flight, tmp_path / "f")
     points = pd.read_csv(tmp_path / "f" / "image_points.csv", dtype={"image": str, "point": str})
     points.loc[::150, ["x", "y"]] += 0.06
     points.to_csv(tmp_path / "f" / "image_points.csv", index=False)
-    before = checked(other_flight, tmp_path / "before").figures
-    found = checked(project, tmp_path / "out")
+    before, found = plain.figures, checked(project, warm_out)
     table = found.table("y_parallaxes")
     moved = set(zip(points["image"][::150], points["point"][::150], strict=True))
     hit = [
@@ -391,11 +420,12 @@ def test_mismatched_points_are_left_out_of_the_parallaxes(other_flight: Path, tm
 
 
 def test_a_check_leaves_the_adjustment_where_it_is_and_an_adjustment_removes_the_check(
-    tmp_path: Path,
+    flight_of_its_own: Path,
 ) -> None:
-    project = simulated(tmp_path / "block")
+    project = flight_of_its_own
     out = project.parent / "results"
     carry_out(aerial_triangulation, RunRequest(project))
+    assert not (out / "y_parallaxes.parquet").exists()
     checked(project, out, f"direct_georeferencing.calibration={out}")
     assert (out / "exterior_orientations.parquet").is_file()
     assert (out / "report.html").is_file()
@@ -406,8 +436,8 @@ def test_a_check_leaves_the_adjustment_where_it_is_and_an_adjustment_removes_the
     assert not (out / "georeferencing_check.html").exists()
 
 
-def test_the_command_shows_the_check_and_fails_with_its_gates(tmp_path: Path) -> None:
-    project = simulated(tmp_path / "block")
+def test_the_command_shows_the_check_and_fails_with_its_gates(flight_of_its_own: Path) -> None:
+    project = flight_of_its_own
     done = aerocal("check", project, "--set", OWN, "--server", "none")
     assert done.returncode == 0, done.stderr
     for words in (
@@ -449,15 +479,16 @@ def test_help_says_which_calibrations_there_are() -> None:
         assert words in text
 
 
-def test_a_changed_setting_of_the_check_repeats_the_check_and_its_page_only(tmp_path: Path) -> None:
-    def computed(*overrides: str) -> list[str]:
-        assert run(project, tmp_path / "out", OWN, *overrides).error is None
-        stages = json.loads((tmp_path / "out" / "manifest.json").read_text())["stages"]
+def test_a_changed_setting_of_the_check_repeats_the_check_and_its_page_only(
+    self_checked: Checked, flight_of_its_own: Path
+) -> None:
+    def computed(out: Path) -> list[str]:
+        stages = json.loads((out / "manifest.json").read_text())["stages"]
         return [stage["stage"] for stage in stages if not stage["reused"]]
 
-    project = simulated(tmp_path / "flight")
-    everything = computed()
-    assert {"import_image_points", "bundle_adjustment"} < set(everything)
-    assert computed() == []
-    again = computed("direct_georeferencing.critical_value=5")
-    assert again == ["direct_georeferencing", "georeferencing_page", "report"]
+    assert {"import_image_points", "bundle_adjustment"} < set(computed(self_checked.folder))
+    out = flight_of_its_own.with_name("results")
+    assert run(flight_of_its_own, out, OWN).error is None
+    assert computed(out) == []
+    assert run(flight_of_its_own, out, OWN, "direct_georeferencing.critical_value=5").error is None
+    assert computed(out) == ["direct_georeferencing", "georeferencing_page", "report"]
