@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,12 @@ def remounted(tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
     return outcome
 
 
+@pytest.fixture
+def calibrated_project(accepted: RunOutcome, tmp_path: Path) -> Path:
+    """The project file of a copy of that calibration with its results."""
+    return shutil.copytree(accepted.directory.parent, tmp_path / "copy") / "project.toml"
+
+
 def test_boresight_and_shift_come_out_and_the_verdict_says_what_does_not(accepted: RunOutcome) -> None:
     found = figures(accepted)["two_step_calibration"]
     assert (accepted.summary.status, found["verdict"], found["reasons"]) == ("done", "accepted", [])
@@ -178,14 +185,14 @@ def test_in_one_direction_lever_arm_and_shift_are_not_told_apart(tmp_path: Path)
     assert found["two_step_calibration"]["verdict"] == "restricted"
 
 
-def test_a_boresight_beyond_its_limit_is_refused(tmp_path: Path) -> None:
-    outcome = run(delivered(tmp_path), "calibration.limits.roll_pitch_deg=0.00005")
+def test_a_boresight_beyond_its_limit_is_refused(calibrated_project: Path) -> None:
+    outcome = run(calibrated_project, "calibration.limits.roll_pitch_deg=0.00005")
     assert outcome.summary.status == "gate_failed"
     assert any("boresight_roll of CAM is weak" in text for text in outcome.summary.problems)
 
 
-def test_a_gate_of_the_adjustment_is_left_to_one(tmp_path: Path) -> None:
-    outcome = run(delivered(tmp_path), "gates.sigma0={max=1.2}")
+def test_a_gate_of_the_adjustment_is_left_to_one(calibrated_project: Path) -> None:
+    outcome = run(calibrated_project, "gates.sigma0={max=1.2}")
     assert outcome.summary.status == "done"
     assert any("sigma0 is not tested" in text for text in outcome.summary.problems)
 
