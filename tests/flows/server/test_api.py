@@ -43,11 +43,11 @@ class Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def address(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    monkeypatch.setattr(calls, "_PATIENCE", Patience(0.05, 0.2, 1.5))
+    monkeypatch.setattr(calls, "_PATIENCE", Patience(0.02, 0.05, 0.6))
     Answers.codes.clear()
     Answers.asked.clear()
     with Answers(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
         thread.start()
         yield f"http://127.0.0.1:{server.server_port}/api"
         server.shutdown()
