@@ -33,7 +33,7 @@ def test_commands_and_their_workers_import_nothing_from_the_folder_they_are_star
     console = str(Path(sys.executable).with_name("aerocal"))
     for program in (
         [console, "batch", "a", "b", "--workers", "2"],
-        [sys.executable, "-m", "flows.command", "doctor", "a/project.toml"],
+        [sys.executable, "-m", "flows.command", "export"],
     ):
         done = subprocess.run(
             program,
