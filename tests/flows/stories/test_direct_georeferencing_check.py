@@ -381,8 +381,7 @@ def test_without_any_surveyed_point_the_parallaxes_are_still_checked(
 
 def test_mean_residuals_that_the_own_adjustment_added_correct_the_check_too(tmp_path: Path) -> None:
     # A radial error looks like a relative orientation; shifts of single CCD images do not.
-    changes = ("truth.image_errors.tile_um=8.0", "points.count=900")
-    project = simulated(tmp_path / "tiles", *changes)
+    project = simulated(tmp_path / "tiles", "truth.image_errors.tile_um=8.0")
     plain, corrected = (
         checked(project, tmp_path / "out", OWN, f"adjustment.residual_grid.iterations={iterations}").figures
         for iterations in (0, 3)
