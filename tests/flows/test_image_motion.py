@@ -16,7 +16,7 @@ from tasks.image_files.image_reader import raster_environment
 from tests.adjust.image_quality.synthetic_edges import unit_edge
 from tests.command_line import aerocal
 
-SIZE, FOCAL, TIME, BLUR = 640, 16_000.0, 0.002, 0.45
+SIZE, FOCAL, TIME, BLUR = 480, 16_000.0, 0.002, 0.45
 #: °/s about the axes forward, right, down.
 RATES = {"A": (2.0, 1.2, 6.0), "B": (-1.0, 2.6, -4.0), "C": (0.0, 0.0, 0.0)}
 MOUNT = 90
