@@ -42,8 +42,9 @@ def read_foreign_table(
             file = pq.ParquetFile(stream)
             # A page of some bytes can stand for any number of rows.
             file_limits().require_rows(path, file.metadata.num_rows)
-            described = from_json((file.schema_arrow.metadata or {}).get(METADATA, b"{}"))
-            columns = [column.name for column in schema.columns if column.name in file.schema_arrow.names]
+            stored = file.schema_arrow  # made each time it is asked for
+            described = from_json((stored.metadata or {}).get(METADATA, b"{}"))
+            columns = [column.name for column in schema.columns if column.name in stored.names]
             table = file.read(columns=columns)
         except (OSError, pa.ArrowException, ValueError, RecursionError) as error:
             raise Location(path).error("This is not a Parquet table.", remedy) from error

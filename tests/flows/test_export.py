@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from _pytest.mark import ParameterSet
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa, from_phi_omega_kappa
@@ -53,6 +54,12 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     outcome = carry_out(adjustment_alone, RunRequest(project, folder / "results"))
     assert outcome.error is None, outcome.error
     return folder / "results"
+
+
+@pytest.fixture(scope="module")
+def block(results: Path) -> Results:
+    """The results as they are read for an export."""
+    return read_results(results)
 
 
 def eo_csv(text: str, order: str = "omega-phi-kappa", unit: str = "deg") -> tuple[Floats, Floats]:
@@ -124,9 +131,23 @@ READERS: dict[str, tuple[str, Callable[[str], tuple[Floats, Floats]]]] = {
 }
 
 
-def cases(*worlds: World) -> list[tuple[str, World]]:
-    """Every format with the kinds of programs it can be written for, of these."""
-    return [(name, world) for name in READERS for world in worlds if world in REGISTER[name].worlds]
+#: Both orders and the units that are no default.
+QUICK_ANGLES = {("omega-phi-kappa", "rad"), ("phi-omega-kappa", "gon")}
+
+
+def cases(*worlds: World) -> list[ParameterSet]:
+    """Every format with the kinds of programs it can be written for, of these.
+
+    What a kind of program is given does not depend on the format: after the first one, two formats are quick.
+    """
+    found = []
+    for name in READERS:
+        own = [world for world in worlds if world in REGISTER[name].worlds]
+        quick = own if name in ("eo-csv", "inpho") else own[:1]
+        found += [
+            pytest.param(name, world, marks=() if world in quick else pytest.mark.slow) for world in own
+        ]
+    return found
 
 
 def sampled(block: Results, heights: tuple[float, ...] = (370.0, 400.0, 430.0)) -> tuple[Floats, Floats]:
@@ -150,10 +171,9 @@ def focal_length(folder: Path, block: Results) -> Floats:
 
 @pytest.mark.parametrize(("name", "world"), cases("map-cartesian", "map-cartesian-curved"))
 def test_a_program_that_takes_the_map_as_cartesian_sees_the_same_ground(
-    results: Path, tmp_path: Path, name: str, world: str
+    results: Path, block: Results, tmp_path: Path, name: str, world: str
 ) -> None:
-    written = export_results(results, name, tmp_path, world)
-    block, (file, read) = read_results(results), READERS[name]
+    written, (file, read) = export_results(results, name, tmp_path, world), READERS[name]
     centre, rotation = read((tmp_path / file).read_text())
     c = focal_length(tmp_path, block)
     model = CartesianMap(EARTH_RADIUS_M if world.endswith("curved") else None)
@@ -170,10 +190,10 @@ def test_a_program_that_takes_the_map_as_cartesian_sees_the_same_ground(
 
 @pytest.mark.parametrize(("name", "world"), cases("map", "local"))
 def test_true_orientations_are_written_to_less_than_a_millimetre(
-    results: Path, tmp_path: Path, name: str, world: str
+    results: Path, block: Results, tmp_path: Path, name: str, world: str
 ) -> None:
     written = export_results(results, name, tmp_path, world)
-    images, (file, read) = read_results(results).images, READERS[name]
+    images, (file, read) = block.images, READERS[name]
     centre, rotation = read((tmp_path / file).read_text())
     if world == "local":
         expected = images.projection_centre, images.local_from_camera
@@ -186,18 +206,24 @@ def test_true_orientations_are_written_to_less_than_a_millimetre(
     assert not (tmp_path / "eo_rigorous.csv").exists()
 
 
-@pytest.mark.parametrize("order", ["omega-phi-kappa", "phi-omega-kappa"])
-@pytest.mark.parametrize("unit", ["deg", "gon", "rad"])
-def test_any_angle_system(results: Path, tmp_path: Path, order: str, unit: str) -> None:
+@pytest.mark.parametrize(
+    ("order", "unit"),
+    [
+        pytest.param(order, unit, marks=() if (order, unit) in QUICK_ANGLES else pytest.mark.slow)
+        for order in ("omega-phi-kappa", "phi-omega-kappa")
+        for unit in ("deg", "gon", "rad")
+    ],
+)
+def test_any_angle_system(results: Path, block: Results, tmp_path: Path, order: str, unit: str) -> None:
     write_export(results, "eo-csv", tmp_path, None, order, unit, force=False)
     _, rotation = eo_csv((tmp_path / "eo.csv").read_text(), order, unit)
-    true = read_results(results).images.map_pose.map_from_camera
-    np.testing.assert_allclose(rotation, true, atol=2e-9)
+    np.testing.assert_allclose(rotation, block.images.map_pose.map_from_camera, atol=2e-9)
 
 
-def test_rational_polynomials_lead_to_the_measured_pixel(results: Path, tmp_path: Path) -> None:
+def test_rational_polynomials_lead_to_the_measured_pixel(
+    results: Path, block: Results, tmp_path: Path
+) -> None:
     export_results(results, "rpc", tmp_path)
-    block = read_results(results)
     ideal, height = sampled(block)
     ground = block.images.ground(ideal, height)
     for k, name in enumerate(block.images.names):
@@ -221,9 +247,9 @@ def test_rational_polynomials_lead_to_the_measured_pixel(results: Path, tmp_path
         assert np.abs(one.project(geodetic) - np.column_stack([row, column])).max() < 0.002
 
 
-def test_the_statement_says_what_the_user_must_set(results: Path, tmp_path: Path) -> None:
+def test_the_statement_says_what_the_user_must_set(results: Path, block: Results, tmp_path: Path) -> None:
     text = " ".join(export_results(results, "patb", tmp_path).statement.split())
-    assert text.startswith(f"{read_results(results).name}: ")
+    assert text.startswith(f"{block.name}: ")
     for words in ("switched OFF", "NO LONGER camera positions", "eo_rigorous.csv", "not yet validated"):
         assert words in text
     assert " ".join((tmp_path / "HANDOVER.txt").read_text().split()) == text
