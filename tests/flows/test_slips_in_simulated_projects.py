@@ -46,9 +46,15 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
     "dmc2-250": ("points.count=400",),
     "ucx-20cm": ("points.count=400",),
     "ucx-8cm": ("points.count=600",),
-    "rmk-8cm": ("points.count=400",),
+    "rmk-8cm": ("flight.0.lines=3", "flight.0.exposures=8", "points.count=300"),
 }
 LEVER_ARM = (0.35, -0.12, -1.20)
+
+#: For what does not depend on how the angles are counted.
+BY_OPK_DAILY = (pytest.param(HEADINGS, marks=pytest.mark.slow), OMEGA_PHI_KAPPA)
+BY_HEADINGS_DAILY = (HEADINGS, pytest.param(OMEGA_PHI_KAPPA, marks=pytest.mark.slow))
+#: A quarter turn, which headings and κ count in opposite directions, and the half turn, which looks level.
+TURNED_DAILY = ((HEADINGS, 90), (OMEGA_PHI_KAPPA, 180))
 
 Edit = Callable[[pd.DataFrame], pd.DataFrame]
 
@@ -101,6 +107,7 @@ def test_orthometric_heights_of_the_exposures(block: Path, named, undulation: fl
     assert "Check `heights`" in said
 
 
+@pytest.mark.parametrize("block", BY_OPK_DAILY, indirect=True)
 def test_orthometric_heights_are_told_by_a_single_control_point(block: Path, named, tmp_path: Path) -> None:
     one = Path(shutil.copytree(block, tmp_path / "one"))
     control = pd.read_csv(one / "control.csv")
@@ -110,7 +117,8 @@ def test_orthometric_heights_are_told_by_a_single_control_point(block: Path, nam
     assert "the one surveyed point comes out 30." in said or "the one surveyed point comes out 29." in said
 
 
-@pytest.mark.parametrize(("block", "limit"), diagonal_daily(CONVENTIONS, [11, 12]), indirect=["block"])
+@pytest.mark.parametrize("limit", [pytest.param(11, marks=pytest.mark.slow), 12])
+@pytest.mark.parametrize("block", BY_OPK_DAILY, indirect=True)
 def test_wherever_the_limit_of_control_lies_heights_are_named_as_heights(
     block: Path, named, limit: int
 ) -> None:
@@ -125,6 +133,8 @@ def in_gon(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(**{name: table[name] / 0.9 for name in columns})
 
 
+# ω, φ, κ in gon: tests/flows/test_wrong_deliveries.py.
+@pytest.mark.parametrize("block", BY_HEADINGS_DAILY, indirect=True)
 def test_angles_in_gon(block: Path, named) -> None:
     assert 'eclare angles.unit = "gon"' in named(block, in_gon)
 
@@ -146,7 +156,15 @@ def test_angles_in_gon_of_strips_to_the_north(tmp_path: Path, named, attitude_de
     assert "image W" not in said
 
 
-@pytest.mark.parametrize(("block", "turn"), diagonal_daily(CONVENTIONS, [90, 180, 270]), indirect=["block"])
+@pytest.mark.parametrize(
+    ("block", "turn"),
+    [
+        pytest.param(angles, turn, marks=() if (angles, turn) in TURNED_DAILY else pytest.mark.slow)
+        for angles in CONVENTIONS
+        for turn in (90, 180, 270)
+    ],
+    indirect=["block"],
+)
 def test_images_turned_against_their_angles(block: Path, named, turn: int) -> None:
     def turned(table: pd.DataFrame) -> pd.DataFrame:
         column = "heading" if "heading" in table else "kappa"
@@ -167,7 +185,8 @@ def test_a_mounting_turned_by_half_a_turn(block: Path, tmp_path: Path) -> None:
     assert "mount_deg" in said
 
 
-@pytest.mark.parametrize(("block", "share"), diagonal_daily(CONVENTIONS, [1, 2]), indirect=["block"])
+@pytest.mark.parametrize("share", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("block", BY_OPK_DAILY, indirect=True)
 def test_one_of_two_cameras_turned(block: Path, named, share: int) -> None:
     """The strips of a second camera, every image turned by 180°, are named as that camera's."""
     project = (block / "project.toml").read_text(encoding="utf-8")
@@ -242,7 +261,9 @@ SHIFT_FREE, ALL_HELD, ARM_FREE = '"boresight", "gnss_shift"', '"boresight"', '"b
         pytest.param((-1, -1, -1), ALL_HELD, '"none"', "in all three components", marks=pytest.mark.slow),
         ((-1, -1, -1), ALL_HELD, "{ critical_value = 4.13 }", "in all three components"),
         ((-1, -1, -1), ARM_FREE, '"none"', "in all three components"),
-        ((-1, 1, 1), SHIFT_FREE, "{ critical_value = 4.13 }", "along forward"),
+        pytest.param(
+            (-1, 1, 1), SHIFT_FREE, "{ critical_value = 4.13 }", "along forward", marks=pytest.mark.slow
+        ),
         pytest.param((1, -1, 1), SHIFT_FREE, '"none"', "along right", marks=pytest.mark.slow),
         pytest.param((1, 1, -1), ALL_HELD, '"none"', "along down", marks=pytest.mark.slow),
     ],
