@@ -22,19 +22,19 @@ from tests.conftest import Start
 from tests.tasks.image_files.images import pixels, written
 
 pytestmark = pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
-#: 16 images of 1,308 × 2,001 pixels with radial errors and shifted CCD images.
+COLUMNS, ROWS = 654, 1001
+#: 16 images of large pixels with radial errors and shifted CCD images.
 SMALL = (
-    "camera.columns=1308", "camera.rows=2001", "camera.pixel_um=52.0",
+    f"camera.columns={COLUMNS}", f"camera.rows={ROWS}", "camera.pixel_um=104.0",
     "project.crs=EPSG:25832", "project.latitude_deg=48", "project.longitude_deg=9.3",
     "flight.0.exposures=4", "flight.1.exposures=4", "points.count=500", "terrain.mean_m=400",
-    "truth.image_errors.radial_um=60.0", "truth.image_errors.tile_um=15.0",
+    "truth.image_errors.radial_um=120.0", "truth.image_errors.tile_um=15.0",
 )  # fmt: skip
 SETTINGS = (
     'adjustment.free=["focal_length", "principal_point", "boresight", "gnss_shift"]',
     "adjustment.residual_grid.iterations=2", "adjustment.residual_grid.cross_validation=false",
     'adjustment.self_calibration.parameters="brown:K1,K2,P1,P2"',
 )  # fmt: skip
-COLUMNS, ROWS = 1308, 2001
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_written(
     strange = written(tmp_path / "strange.tif", pixels(1, ROWS, COLUMNS, "uint8"))
     out = tmp_path / "out"
     cases = [
-        ([turned], "2,001 × 1,308 pixels, and the camera UCE-80 1,308 × 2,001."),
+        ([turned], "1,001 × 654 pixels, and the camera UCE-80 654 × 1,001."),
         ([fits, small], "30 × 20 pixels"),
         ([fits, strange], "no adjusted image of this name"),
         ([fits, fits], "as would"),
@@ -175,7 +175,8 @@ def test_an_image_that_is_damaged_is_named_and_not_left_half(
 def test_a_killed_process_leaves_no_image_and_the_next_one_no_trace_of_it(
     start: Start, results: Path, name: str, tmp_path: Path
 ) -> None:
-    data = np.tile(pixels(1, ROWS, COLUMNS, "float64"), (2, 1, 1))
+    # To write 42 MB takes longer than to look whether it has begun.
+    data = np.tile(pixels(1, ROWS, COLUMNS, "float64"), (8, 1, 1))
     path, out = written(tmp_path / f"{name}.tif", data), tmp_path / "out"
     command = (sys.executable, "-m", "flows.command", "undistort", results, path, "--out", out)
     process = start(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
