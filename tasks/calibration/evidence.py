@@ -180,6 +180,8 @@ def _of_rejections(
 ) -> Iterator[Objection]:
     """Groups of which too much was rejected, as a whole or in one flight, height or strip."""
     entered = residuals[residuals["group"].isin(_GROUPS) & (residuals["status"] != "not_used")]
+    if not (entered["status"] == "rejected").any():
+        return
     by = ["group", "image", "point"]
     wrong = (
         entered.assign(rejected=entered["status"] == "rejected")
