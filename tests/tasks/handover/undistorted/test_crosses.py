@@ -52,8 +52,8 @@ def test_crosses_are_where_a_camera_without_distortion_takes_them(
         before = np.abs(measured_centres(file.read(1), expected) - expected).max()
     away = measured_centres(undistorted(taken, tmp_path / "a.tif", Work(kind)), expected) - expected
     assert before > 2.0
-    assert np.abs(away).max() < 0.05
-    assert np.sqrt(np.mean(away**2)) < 0.01
+    assert np.abs(away).max() < 0.01
+    assert np.sqrt(np.mean(away**2)) < 0.002
 
 
 def test_the_map_is_stated_to_better_than_a_hundredth_of_a_pixel() -> None:
