@@ -68,7 +68,7 @@ def flown(case: Flight) -> tuple[Results, BlockPoints]:
     centre = local_from_map(place, frame, east + steps * [1.0, 0.2, 0.0])
     # An oblique camera looks to the same side of its image in every image.
     turn = about_z(np.array([0.0, np.pi, 1.2, -0.4])) @ about_x(np.deg2rad(case.tilt_deg))
-    cameras = tuple(camera(name, case) for name in ("UC A", "B"))
+    cameras = tuple(camera(name, case.tilt_deg != 0, case.binned, case.corrections) for name in ("UC A", "B"))
     turn = np.asarray(frame.local_from_enu(centre)) @ turn
     heads = None
     if case.rig:
@@ -91,17 +91,16 @@ def flown(case: Flight) -> tuple[Results, BlockPoints]:
     return results, points_of(results)
 
 
-def camera(name: str, case: Flight) -> CalibratedCamera:
-    """A large camera for vertical, a smaller one for oblique images; with distortion."""
-    columns, rows, pixel, c = (
-        (17004, 26460, 4e-6, 0.0798) if case.tilt_deg == 0 else (14144, 10560, 3.76e-6, 0.123)
-    )
-    columns, rows, pixel = columns // case.binned, rows // case.binned, pixel * case.binned
+@cache
+def camera(name: str, oblique: bool, binned: int, corrections: bool) -> CalibratedCamera:
+    """A large camera for vertical, a smaller one for oblique images; with distortion. Flights share it."""
+    columns, rows, pixel, c = (14144, 10560, 3.76e-6, 0.123) if oblique else (17004, 26460, 4e-6, 0.0798)
+    columns, rows, pixel = columns // binned, rows // binned, pixel * binned
     frame = FrameCamera(name, columns, rows, pixel, c, (12e-6, -20e-6), "corner", 0)
     row: dict[object, object] = {
         "columns": columns, "rows": rows, "pixel_um": pixel * 1e6, "focal_length_mm": c * 1e3, "tiles": None,
     }  # fmt: skip
-    if case.corrections:
+    if corrections:
         # Some 50 µm at the corner; 1/m² and 1/m.
         known = {"brown:K1": 0.2, "brown:P1": 1e-4, "brown:P2": -5e-5}
     else:

@@ -44,14 +44,24 @@ def beside(alone):
     return replace(results, images=images, cameras=cameras, heads=heads)
 
 
+@pytest.fixture(scope="module")
+def found(beside):
+    """What is left of it: the cameras with images."""
+    return with_images_only(beside)
+
+
+@pytest.fixture(scope="module")
+def points(alone):
+    return points_of(alone)
+
+
 # A GeoPackage has the time of its writing.
 @pytest.mark.parametrize("name", sorted(set(REGISTER) - {"geopackage"}))
-def test_every_format_is_written_as_without_it(alone, beside, name):
-    found = REGISTER[name].write(delivered(with_images_only(beside), points_of(alone), name))
-    assert found == REGISTER[name].write(delivered(alone, points_of(alone), name))
+def test_every_format_is_written_as_without_it(alone, found, points, name):
+    made, expected = (REGISTER[name].write(delivered(one, points, name)) for one in (found, alone))
+    assert made == expected
 
 
-def test_heads_without_an_image_of_their_reference_head_are_no_written_rig(beside):
-    found = with_images_only(beside)
+def test_heads_without_an_image_of_their_reference_head_are_no_written_rig(found):
     identity, nothing = np.tile(np.eye(3), (4, 1, 1)), np.zeros((4, 3))
     assert found.heads.against_reference(found.images.camera, identity, nothing) is None
