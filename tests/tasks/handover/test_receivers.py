@@ -13,6 +13,7 @@ import pytest
 import rasterio
 from rasterio import warp
 from scipy import ndimage
+from scipy.interpolate import RectBivariateSpline
 
 from adjust.geometry.earth import CartesianFrame
 from adjust.geometry.rotation import from_omega_phi_kappa
@@ -94,7 +95,9 @@ def test_pyopf_reads_the_project(tmp_path):
 def image_of_the_ground(results, path):
     """Write an image (2, rows, columns) of the first camera that shows where on the ground it is."""
     frame, one = results.cameras[0].frame, results.images.only(0)
-    row, column = np.indices((frame.rows, frame.columns)) + 0.5
+    # The place is smooth: a spline through every eighth pixel has it to less than a thousandth of one.
+    down, along = (np.linspace(0.5, side - 0.5, side // 8) for side in (frame.rows, frame.columns))
+    row, column = np.meshgrid(down, along, indexing="ij")
     xy = (
         np.column_stack([column.ravel(), -row.ravel()]) * frame.pixel_size
         + np.array([-1.0, 1.0]) * frame.half_format
@@ -102,7 +105,9 @@ def image_of_the_ground(results, path):
     ideal = results.cameras[0].ideal(xy)
     ground = one.ground(ideal[None], np.full((1, len(xy)), GROUND))[0, :, :2]
     middle = ground.mean(axis=0)
-    image = np.moveaxis((ground - middle).reshape(frame.rows, frame.columns, 2), 2, 0).astype(np.float32)
+    pixels = [np.arange(side) + 0.5 for side in (frame.rows, frame.columns)]
+    coordinates = (ground - middle).T.reshape(2, len(down), len(along))
+    image = np.array([RectBivariateSpline(down, along, part)(*pixels) for part in coordinates], np.float32)
     with rasterio.open(
         path, "w", driver="GTiff", width=frame.columns, height=frame.rows, count=2, dtype="float32"
     ) as file:
