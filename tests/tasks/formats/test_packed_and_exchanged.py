@@ -16,6 +16,7 @@ from adjust.camera.additional.correction import measured_from_ideal
 from adjust.camera.additional.register import additional_parameters
 from adjust.geometry.rotation import exp, from_omega_phi_kappa
 from tasks.errors import InputError
+from tasks.formats import colmap_database
 from tasks.formats.bal import read_bal_exposures, read_bal_image_points
 from tasks.formats.colmap_database import (
     read_colmap_database_cameras,
@@ -41,14 +42,15 @@ from tests.tasks.handover.test_ground_through_files import pixels, seen
 ORDER = "omega-phi-kappa"
 
 
-def test_a_database_with_more_cameras_than_any_block_is_refused(tmp_path):
+def test_a_database_with_more_cameras_than_any_block_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(colmap_database, "_MOST_CAMERAS", 1_000)
     path = saved(tmp_path, small.colmap_database())
     values = struct.pack("<8d", 200, 201, 50, 40, 0.1, 0, 0.001, 0)
     with closing(sqlite3.connect(path)) as connection:
-        rows = ((number, values) for number in range(100, 100_100))
+        rows = ((number, values) for number in range(100, 1_100))
         connection.executemany("INSERT INTO cameras VALUES (?, 4, 100, 80, ?, 1)", rows)
         connection.commit()
-    with pytest.raises(InputError, match="more than 100,000 cameras"):
+    with pytest.raises(InputError, match="more than 1,000 cameras"):
         read_colmap_database_cameras(path)
 
 
