@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -19,7 +18,7 @@ from tasks.production.records import Records, configured_records
 from tasks.production.run_record import RunRecord, StageTime, project_name
 from tasks.production.tables import SCHEMA
 from tasks.production.variable import RECORDS_VARIABLE
-from tests.conftest import Start
+from tests.tasks.forked import in_processes
 
 NOON = datetime(2026, 11, 20, 12, tzinfo=UTC)
 RUN = RunRecord(
@@ -206,22 +205,18 @@ def test_any_text_comes_back_as_it_was(records: Records) -> None:
     assert len(records.runs()) == 1
 
 
-def test_processes_that_begin_at_once_make_the_tables_once(records: Records, start: Start) -> None:
-    script = (
-        "import sys\n"
-        "from datetime import UTC, datetime\n"
-        "from tasks.production.records import Records\n"
-        "from tasks.production.run_record import RunRecord\n"
-        "records = Records.at(sys.argv[1])\n"
-        "now = datetime.now(UTC)\n"
-        "for n in range(5):\n"
-        "    records.begin(RunRecord(f'{sys.argv[2]}-{n}', 'p', '', '', 's', 'Running', '', now))\n"
-    )
+def test_processes_that_begin_at_once_make_the_tables_once(records: Records) -> None:
     address = records.address
     place = str(address.file) if address.is_file else address.url.render_as_string(hide_password=False)
     place = place.replace("postgresql+pg8000", "postgresql")
-    children = [start(sys.executable, "-c", script, place, str(n)) for n in range(4)]
-    assert [child.wait(100) for child in children] == [0, 0, 0, 0]
+
+    def begin_five(index: int) -> str:
+        own = Records.at(place)
+        for number in range(5):
+            own.begin(RunRecord(f"{index}-{number}", "p", "", "", "s", "Running", "", NOON))
+        return "begun"
+
+    assert in_processes(4, begin_five) == ["begun"] * 4
     assert len(records.runs()) == 20
 
 

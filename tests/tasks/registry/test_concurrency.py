@@ -2,51 +2,27 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import time
 from collections.abc import Callable
 from datetime import date
-from multiprocessing.connection import Connection as Pipe
 from typing import Any
 
 import pytest
 from sqlalchemy import event, func, select
 
 from tasks.database.address import DatabaseAddress
-from tasks.errors import AerocalError, InputError
+from tasks.errors import InputError
 from tasks.files.installation import InstallationError
 from tasks.registry.approval import approval_of
 from tasks.registry.history import Validity
 from tasks.registry.registry import Registry, Signature
 from tasks.registry.tables import CALIBRATIONS, METADATA
+from tests.tasks.forked import FORK, in_processes
 from tests.tasks.registry.records import add, approve, changed, record
 
-# Forked children need no second to import everything; each opens a connection of its own.
-FORK = multiprocessing.get_context("fork")
 START = date(2024, 3, 1)
-
-
-def in_processes(count: int, work: Callable[[int], object]) -> list[str]:
-    """Let processes do something at the same moment; what each returned, or the error it got."""
-    together = FORK.Barrier(count)
-    pipes = [FORK.Pipe(duplex=False) for _ in range(count)]
-
-    def run(index: int, answer: Pipe) -> None:
-        together.wait(30)
-        try:
-            answer.send(str(work(index)))
-        except AerocalError as error:
-            answer.send(f"{type(error).__name__}: {error}")
-
-    processes = [FORK.Process(target=run, args=(i, pipes[i][1])) for i in range(count)]
-    for process in processes:
-        process.start()
-    answers = [pipe.recv() if pipe.poll(60) else "no answer" for pipe, _ in pipes]
-    for process in processes:
-        process.join(30)
-    return answers
 
 
 def test_processes_that_add_at_once_lose_nothing(address: DatabaseAddress) -> None:
