@@ -208,8 +208,8 @@ def test_a_table_without_rows_can_be_written_and_read(tmp_path):
     assert len(read_table(artifact_of(path))) == 0
 
 
-def test_a_million_residuals_are_written_without_loops(tmp_path):
-    count = 250_000
+def test_many_residuals_are_written_in_groups_of_rows(tmp_path):
+    count = 62_500
     names = np.char.add("P", np.arange(count).astype(str))
     columns = {
         "group": np.repeat("image_points", 4 * count),
@@ -223,7 +223,7 @@ def test_a_million_residuals_are_written_without_loops(tmp_path):
     }
     path = tmp_path / "residuals.parquet"
     assert write_table(path, RESIDUALS, columns) == 4 * count
-    assert pq.ParquetFile(path).num_row_groups == 10
+    assert pq.ParquetFile(path).num_row_groups == 3
 
 
 @pytest.mark.parametrize("schema", SCHEMAS.values(), ids=SCHEMAS.keys())
