@@ -5,8 +5,6 @@ from __future__ import annotations
 import ast
 import os
 import resource
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -37,6 +35,7 @@ from tasks.settings.load_simulation import load_simulation
 from tasks.store.stage_key import InputFile
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas.parameters import PARAMETERS
+from tests.command_line import aerocal
 from tests.conftest import REPOSITORY
 from tests.tasks.formats.sound_files import READERS as FORMAT_READERS
 
@@ -137,17 +136,20 @@ def test_the_number_of_rows_is_limited(tmp_path: Path, monkeypatch: pytest.Monke
     assert len(read_csv_image_points(file).image) == 20
 
 
-def test_a_table_of_few_bytes_and_many_rows_is_refused(tmp_path: Path) -> None:
+def test_a_table_of_few_bytes_and_many_rows_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    file, limit = tmp_path / "parameters.parquet", FileLimits().rows
-    rows = pa.table({"value": pa.nulls(10_000_000, pa.float64())})
+    monkeypatch.setenv(ROWS_VARIABLE, "1000000")
+    file = tmp_path / "parameters.parquet"
+    rows = pa.table({"value": pa.nulls(100_000, pa.float64())})
     with pq.ParquetWriter(file, rows.schema) as writer:
         for _ in range(11):
-            writer.write_table(rows, row_group_size=10_000_000)
-    assert file.stat().st_size < 1_000_000
-    with pytest.raises(InputError, match=f"110,000,000 rows, more than the {limit:,}"):
+            writer.write_table(rows)
+    assert file.stat().st_size < 10_000
+    with pytest.raises(InputError, match="1,100,000 rows, more than the 1,000,000"):
         read_foreign_table(file, PARAMETERS, "Name another.")
 
 
@@ -228,14 +230,7 @@ def test_the_limits_come_from_the_environment_of_the_installation() -> None:
 
 def test_a_limit_of_nonsense_is_told_as_one_of_the_installation(write_project, tmp_path: Path) -> None:
     project = write_project(tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-m", "flows.command", "doctor", str(project)],
-        env={**os.environ, TABLE_VARIABLE: "lots"},
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=REPOSITORY,
-    )
+    done = aerocal("doctor", project, **{TABLE_VARIABLE: "lots"})
     assert done.returncode == 1, done.stderr
     assert f"{TABLE_VARIABLE} is 'lots'" in done.stderr
     assert "Traceback" not in done.stderr
