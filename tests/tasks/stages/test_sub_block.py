@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tasks.coordinates.crs import MapFrame
 from tasks.errors import InputError
@@ -64,15 +63,13 @@ def test_four_even_points_are_the_corners_and_the_fifth_the_middle() -> None:
     assert chosen(ControlScenario(count=5), field) == corners | {"2-1"}
 
 
-@given(columns=st.integers(2, 6), rows=st.integers(2, 6), data=st.data())
-def test_fewer_even_points_are_a_part_of_more_and_their_number_is_as_asked(
-    columns: int, rows: int, data: st.DataObject
-) -> None:
+@pytest.mark.parametrize(("columns", "rows"), [(2, 2), (3, 2), (2, 5), (4, 3), (6, 6)])
+def test_fewer_even_points_are_a_part_of_more_and_their_number_is_as_asked(columns: int, rows: int) -> None:
     field = surveyed_grid(columns, rows)
-    count = data.draw(st.integers(1, columns * rows - 1))
-    fewer, more = (chosen(ControlScenario(count=n), field) for n in (count, count + 1))
-    assert fewer < more
-    assert (len(fewer), len(more)) == (count, count + 1)
+    numbers = range(1, columns * rows + 1)
+    found = [chosen(ControlScenario(count=number), field) for number in numbers]
+    assert [len(one) for one in found] == list(numbers)
+    assert all(fewer < more for fewer, more in pairwise(found))
 
 
 def test_points_along_the_border_leave_the_inside_to_the_check_points() -> None:
