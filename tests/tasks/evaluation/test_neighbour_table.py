@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """60 images with GNSS of high accuracy relative to a common shift that is free."""
     folder = tmp_path_factory.mktemp("flight")
     project = simulate_project(load_simulation("dmc-20cm", ("points.count=300",), 4), folder).project_file
-    found = carry_out(aerial_triangulation, RunRequest(project, folder / "results"))
+    found = carry_out(adjustment_alone, RunRequest(project, folder / "results"))
     assert found.error is None, found.error
     return found.directory
 

@@ -10,13 +10,13 @@ import pytest
 from scipy import stats
 
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.evaluation.alternative_words import POWER, alternative_words
 from tasks.evaluation.model_test_tables import ERROR_PROBABILITY
 from tasks.quantities import shown
 from tasks.remarks.model_findings import model_findings
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
 
 
 def row(quantity: str, rank: int, explained: float, **changed: object) -> dict[str, object]:
@@ -150,7 +150,7 @@ def tested(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     """Every alternative of a small block at two heights."""
     folder = tmp_path_factory.mktemp("block")
     project = simulate_project(load_simulation("uce-calibration", ("points.count=600", *CHANGES)), folder)
-    outcome = carry_out(aerial_triangulation, RunRequest(project.project_file, None, ()))
+    outcome = carry_out(adjustment_alone, RunRequest(project.project_file, None, ()))
     assert outcome.error is None, outcome.error
     return pd.read_parquet(Path(outcome.directory) / "model_alternatives.parquet")
 
