@@ -201,6 +201,7 @@ def test_vaihingen_has_nine_control_and_ninety_nine_check_points() -> None:
     assert truth.is_check.sum() == 99
 
 
+@pytest.mark.slow
 def test_the_operational_block_has_its_size_and_is_simulated_in_seconds() -> None:
     started = time.process_time()
     truth = block_truth(block_specification(load_simulation("dmc2-230")))
