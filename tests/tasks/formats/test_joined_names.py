@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tasks.errors import InputError
@@ -22,17 +22,22 @@ def encoded(names: list[str | None]) -> pa.DictionaryArray:
     return pa.array(names, pa.string()).dictionary_encode()
 
 
-@given(st.lists(_NAMES, min_size=1, max_size=5), st.sampled_from([1, 2, 3, 500_000]))
-def test_each_name_is_kept_once_and_stays_in_its_row(parts: list[list[str | None]], share: int) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(joining, "_SHARE", share)
-        joined = joined_names([encoded(names) for names in parts])
-    joined.validate(full=True)
-    assert joined.to_pylist() == [name for names in parts for name in names]
-    known = joined.dictionary.to_pylist()
-    assert len(set(known)) == len(known)
-    if len(parts) > 1:
-        assert set(known) == {name for names in parts for name in names} - {None}
+@pytest.mark.parametrize("examples", [25, pytest.param(1_000, marks=pytest.mark.slow)])
+def test_each_name_is_kept_once_and_stays_in_its_row(examples: int) -> None:
+    @settings(max_examples=examples)
+    @given(st.lists(_NAMES, min_size=1, max_size=5), st.sampled_from([1, 2, 3, 500_000]))
+    def examine(parts: list[list[str | None]], share: int) -> None:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(joining, "_SHARE", share)
+            joined = joined_names([encoded(names) for names in parts])
+        joined.validate(full=True)
+        assert joined.to_pylist() == [name for names in parts for name in names]
+        known = joined.dictionary.to_pylist()
+        assert len(set(known)) == len(known)
+        if len(parts) > 1:
+            assert set(known) == {name for names in parts for name in names} - {None}
+
+    examine()
 
 
 def test_a_slice_of_names_is_dealt_as_the_names_in_it() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
@@ -53,33 +53,46 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("names")
 
 
-@given(names=lists)
-def test_csv_readers_keep_every_name(folder: Path, names: list[str]) -> None:
-    rows = [[name, name, "1", "2"] for name in names]
-    points = read_csv_image_points(written(folder, "image,point,x,y", rows))
-    assert points.image.to_pylist() == points.point.to_pylist() == names
-    control = read_csv_control(written(folder, "point,x,y,z", [[name, "1", "2", "3"] for name in names]))
-    assert control.point.to_pylist() == names
-    rows = [[*[name] * 4, *"123456"] for name in names]
-    header = "image,camera,strip,flight,x,y,z,omega,phi,kappa"
-    exposures = read_csv_exposures(written(folder, header, rows), "omega-phi-kappa")
-    for column in (exposures.image, exposures.camera, exposures.strip, exposures.flight):
-        assert isinstance(column, pa.Array)
-        assert column.to_pylist() == names
+@pytest.mark.parametrize("examples", [20, pytest.param(500, marks=pytest.mark.slow)])
+def test_csv_readers_keep_every_name(folder: Path, examples: int) -> None:
+    @settings(max_examples=examples)
+    @example(names=list(TRICKY))
+    @given(names=lists)
+    def examine(names: list[str]) -> None:
+        rows = [[name, name, "1", "2"] for name in names]
+        points = read_csv_image_points(written(folder, "image,point,x,y", rows))
+        assert points.image.to_pylist() == points.point.to_pylist() == names
+        control = read_csv_control(written(folder, "point,x,y,z", [[name, "1", "2", "3"] for name in names]))
+        assert control.point.to_pylist() == names
+        rows = [[*[name] * 4, *"123456"] for name in names]
+        header = "image,camera,strip,flight,x,y,z,omega,phi,kappa"
+        exposures = read_csv_exposures(written(folder, header, rows), "omega-phi-kappa")
+        for column in (exposures.image, exposures.camera, exposures.strip, exposures.flight):
+            assert isinstance(column, pa.Array)
+            assert column.to_pylist() == names
+
+    examine()
 
 
-@given(names=st.lists(blank_free, min_size=1, max_size=8))
-def test_ign_readers_keep_every_name(folder: Path, names: list[str]) -> None:
+@pytest.mark.parametrize("examples", [20, pytest.param(500, marks=pytest.mark.slow)])
+def test_ign_readers_keep_every_name(folder: Path, examples: int) -> None:
     file = folder / "table.txt"
-    encodable = [name for name in names if _in_latin(name)] or ["0012"]
-    file.write_text("".join(f"{name} {name} 1.5 2.5\n" for name in encodable), encoding="utf-8")
-    points = read_ign_mes(file)
-    assert points.point.to_pylist() == points.image.to_pylist() == encodable
-    file.write_text("".join(f"{name} 3 1.5 2.5 3.5\n" for name in encodable), encoding="utf-8")
-    assert read_ign_app(file).point.to_pylist() == encodable
-    file.write_text("".join(f"{name} 1 2 3 4 5 6 {name}\n" for name in encodable), encoding="utf-8")
-    exposures = read_ign_opk(file, "omega-phi-kappa")
-    assert exposures.image.to_pylist() == exposures.camera.to_pylist() == encodable
+
+    @settings(max_examples=examples)
+    @example(names=[name for name in TRICKY if " " not in name])
+    @given(names=st.lists(blank_free, min_size=1, max_size=8))
+    def examine(names: list[str]) -> None:
+        encodable = [name for name in names if _in_latin(name)] or ["0012"]
+        file.write_text("".join(f"{name} {name} 1.5 2.5\n" for name in encodable), encoding="utf-8")
+        points = read_ign_mes(file)
+        assert points.point.to_pylist() == points.image.to_pylist() == encodable
+        file.write_text("".join(f"{name} 3 1.5 2.5 3.5\n" for name in encodable), encoding="utf-8")
+        assert read_ign_app(file).point.to_pylist() == encodable
+        file.write_text("".join(f"{name} 1 2 3 4 5 6 {name}\n" for name in encodable), encoding="utf-8")
+        exposures = read_ign_opk(file, "omega-phi-kappa")
+        assert exposures.image.to_pylist() == exposures.camera.to_pylist() == encodable
+
+    examine()
 
 
 def _in_latin(name: str) -> bool:
