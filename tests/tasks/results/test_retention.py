@@ -141,10 +141,11 @@ RUNS = st.lists(
 )
 
 
+@pytest.mark.parametrize("examples", [8, pytest.param(100, marks=pytest.mark.slow)])
 def test_whatever_is_removed_what_is_published_stays_and_a_rerun_computes_nothing(
-    new_folder: Callable[[], Folder],
+    new_folder: Callable[[], Folder], examples: int
 ) -> None:
-    @settings(max_examples=20, deadline=None, derandomize=True)
+    @settings(max_examples=examples, deadline=None, derandomize=True)
     @given(runs=RUNS, keep=st.integers(0, 100))
     def check(runs: list[tuple[str, int, int, int]], keep: int) -> None:
         folder = new_folder()
