@@ -26,6 +26,7 @@ from tasks.handover.formats.register import REGISTER
 from tasks.handover.formats.short_names import without_blanks
 from tasks.handover.lens import lens_models
 from tasks.handover.statement import statement
+from tests.grids import diagonal_daily, pairs_daily
 from tests.tasks.handover.flown_block import GROUND, LOCAL, NAMES, Flight, delivered, flown
 
 ORDER = "omega-phi-kappa"
@@ -37,7 +38,12 @@ FILES = {
     "openmvg": (("sfm_data.json", "sfm_data.json", "sfm_data.json"), "openmvg"),
     "metashape-xml": (("metashape_cameras.xml", "metashape_cameras.xml", ""), "metashape"),
 }
-CASES = [Flight(above, tilt) for above in (1000.0, 2000.0, 4000.0) for tilt in (0.0, 45.0)]
+heights_and_tilts = pytest.mark.parametrize(
+    ("above", "tilt"), diagonal_daily((1000.0, 2000.0, 4000.0), (0.0, 45.0))
+)
+flights = pytest.mark.parametrize(
+    ("name", "tilt", "above"), pairs_daily(tuple(FILES), (0.0, 45.0), (1000.0, 2000.0, 4000.0))
+)
 
 
 def write(delivery, name, folder):
@@ -106,22 +112,19 @@ def largest_miss(results, points, name, folder):
     return max(away)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.above:.0f} m, {case.tilt_deg:.0f} degrees")
-@pytest.mark.parametrize("name", FILES)
-def test_a_cartesian_receiver_sees_the_ground_to_a_millimetre(name, case, tmp_path):
-    results, points = flown(case)
+@flights
+def test_a_cartesian_receiver_sees_the_ground_to_a_millimetre(name, tilt, above, tmp_path):
+    results, points = flown(Flight(above, tilt))
     delivery = delivered(results, points, name)
     write(delivery, name, tmp_path)
-    metres_per_pixel = case.above / np.cos(np.radians(case.tilt_deg)) * 4e-6 / 0.0798
+    metres_per_pixel = above / np.cos(np.radians(tilt)) * 4e-6 / 0.0798
     miss = largest_miss(results, points, name, tmp_path)
     assert miss * metres_per_pixel < 1e-3
     assert delivery.lenses.misfit_px.max() < 1e-6
 
 
-@pytest.mark.parametrize("above", [1000.0, 2000.0, 4000.0])
-@pytest.mark.parametrize("tilt", [0.0, 45.0])
-@pytest.mark.parametrize("name", FILES)
-def test_refraction_and_corrections_are_in_the_camera_to_the_stated_misfit(name, above, tilt, tmp_path):
+@flights
+def test_refraction_and_corrections_are_in_the_camera_to_the_stated_misfit(name, tilt, above, tmp_path):
     results, points = flown(Flight(above, tilt, refracted=True, corrections=True))
     delivery = delivered(results, points, name)
     write(delivery, name, tmp_path)
@@ -251,9 +254,9 @@ def sections(text):
     return found
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.above:.0f} m, {case.tilt_deg:.0f} degrees")
-def test_sure_sees_the_ground_in_undistorted_images(case):
-    results, points = flown(case)
+@heights_and_tilts
+def test_sure_sees_the_ground_in_undistorted_images(above, tilt):
+    results, points = flown(Flight(above, tilt))
     files = REGISTER["sure"].write(delivered(results, no_points(), "sure"))
     for k, name in enumerate(NAMES):
         found = sections(files[f"{name.rpartition('.')[0] or name}.ori"])
@@ -274,9 +277,9 @@ def test_sure_sees_the_ground_in_undistorted_images(case):
         np.testing.assert_allclose(np.column_stack([column, row]) / depth[:, None], expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.above:.0f} m, {case.tilt_deg:.0f} degrees")
-def test_stac_items_hold_the_true_orientation_in_the_map(case):
-    results, _ = flown(case)
+@heights_and_tilts
+def test_stac_items_hold_the_true_orientation_in_the_map(above, tilt):
+    results, _ = flown(Flight(above, tilt))
     files = REGISTER["stac"].write(delivered(results, no_points(), "stac"))
     pose = results.images.map_pose
     for k in range(len(NAMES)):
@@ -297,9 +300,9 @@ def test_stac_items_hold_the_true_orientation_in_the_map(case):
     assert links == ["./collection.json", *(f"./item_{k}.json" for k in (1, 2, 3, 4))]
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.above:.0f} m, {case.tilt_deg:.0f} degrees")
-def test_layers_of_a_geopackage(case, tmp_path):
-    results, points = flown(case)
+@heights_and_tilts
+def test_layers_of_a_geopackage(above, tilt, tmp_path):
+    results, points = flown(Flight(above, tilt))
     write(delivered(results, points, "geopackage"), "geopackage", tmp_path)
     with sqlite3.connect(tmp_path / "block.gpkg") as connection:
         layers = [row[0] for row in connection.execute("SELECT table_name FROM gpkg_contents ORDER BY rowid")]
