@@ -53,7 +53,12 @@ def digest(tree: Path) -> str:
         "print(digest_of_sources(estimate))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=tree, capture_output=True, text=True, check=False, timeout=60
+        [sys.executable, "-S", "-c", program],
+        cwd=tree,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
