@@ -88,7 +88,8 @@ def test_few_strips_count_with_students_quantile() -> None:
 def test_false_alarms_come_as_often_as_stated_where_the_two_are_independent(trials: int) -> None:
     """At any level: all probabilities are as often below it as it says.
 
-    A hundred trials show a covariance without that of one of the two, or without its correlation.
+    A hundred trials show that the covariance of one of the two is missing; a part of it, as its correlation,
+    is missed in the closed form above.
     """
     random, probabilities = np.random.default_rng(3), list[float]()
     covariance = np.array([[0.09, 0.06], [0.06, 0.16]])
