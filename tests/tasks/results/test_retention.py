@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -29,6 +28,7 @@ from tasks.store.run_lock import run_lock
 from tasks.store.stage_record import read_records
 from tasks.store.store import STAGE_FILE, Store, stored
 from tests.conftest import PROJECT
+from tests.tasks.forked import FORK
 
 DAY = 86_400
 KINDS = ("sums", "products")
@@ -329,24 +329,20 @@ def test_nothing_goes_outside_the_folders_of_a_server(folder: Folder) -> None:
     assert stages(clean_up(folder.directory, since(0), roots=[folder.directory.parent])) != []
 
 
-_KILLED = """
-import os, shutil, signal, sys
-from datetime import UTC, datetime
-from pathlib import Path
-from tasks.results import retention
+def killed_clean_up(directory: Path, left: int) -> None:
+    """A clean-up for a process of its own, killed with a folder half gone after so many others."""
+    remove = shutil.rmtree
 
-left = int(sys.argv[2])
-def removing(folder, ignore_errors):
-    # Killed with one folder half gone.
-    global left
-    left -= 1
-    if left < 0:
-        next(path for path in Path(folder).rglob("*") if path.is_file()).unlink()
-        os.kill(os.getpid(), signal.SIGKILL)
-    real(folder, ignore_errors=ignore_errors)
-real, shutil.rmtree = shutil.rmtree, removing
-retention.clean_up(Path(sys.argv[1]), datetime.now(UTC))
-"""
+    def removing(folder: str, ignore_errors: bool) -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            next(path for path in Path(folder).rglob("*") if path.is_file()).unlink()
+            os.kill(os.getpid(), signal.SIGKILL)
+        remove(folder, ignore_errors=ignore_errors)
+
+    shutil.rmtree = removing  # type: ignore[assignment]
+    clean_up(directory, datetime.now(UTC))
 
 
 @pytest.mark.parametrize("after", [0, 1, 2])
@@ -354,8 +350,10 @@ def test_a_killed_clean_up_leaves_a_store_that_works(folder: Folder, after: int)
     for factor in (2, 3, 4):
         folder.run(factor=factor)
     folder.age(100)
-    command = [sys.executable, "-c", _KILLED, str(folder.directory), str(after)]
-    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+    process = FORK.Process(target=killed_clean_up, args=(folder.directory, after))
+    process.start()
+    process.join(60)
+    assert process.exitcode == -signal.SIGKILL
     assert folder.damaged() == []
     assert len(list(folder.store.folder.glob("*/.discarded-*"))) == 1
     again = clean_up(folder.directory, since(0))
