@@ -19,7 +19,7 @@ from sqlalchemy import update
 
 from tasks.patience import Patience
 from tasks.production.notice import USUAL, Links, Notice
-from tasks.production.notice_addresses import configured_addresses
+from tasks.production.notice_addresses import NoticeAddress, configured_addresses
 from tasks.production.outbox import PATIENCE, Courier, Outbox
 from tasks.production.records import Records, write_notice
 from tasks.production.tables import NOTICE_DELIVERIES, NOTICES
@@ -41,10 +41,13 @@ def records(tmp_path: Path) -> Records:
 @pytest.fixture
 def courier(records: Records) -> Callable[..., Courier]:
     def make(*urls: str, wanted: Any = USUAL, patience: Patience = AT_ONCE) -> Courier:
-        addresses = configured_addresses({"AEROCAL_NOTIFY": " ".join(urls)})
+        # The slow digest of an address takes most of the time of many tests.
+        if urls not in known:
+            known[urls] = configured_addresses({"AEROCAL_NOTIFY": " ".join(urls)})
+        addresses = known[urls]
         return Courier(Outbox(records), addresses, wanted, LINKS, said.append, patience)
 
-    said: list[str] = []
+    said, known = list[str](), dict[tuple[str, ...], tuple[NoticeAddress, ...]]()
     make.said = said  # type: ignore[attr-defined]
     return make
 
