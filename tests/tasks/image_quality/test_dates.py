@@ -25,7 +25,7 @@ def levels(count: int, low: float, high: float, random: np.random.Generator) -> 
     return pd.DataFrame({"band": band, "level": level, "noise": noise, "sigma_noise": SIGMA})
 
 
-@pytest.mark.parametrize(("earlier", "now"), [(16, 16), (2, 16), (3, 16)])
+@pytest.mark.parametrize(("earlier", "now"), [(16, 16), (2, 16), pytest.param(3, 16, marks=pytest.mark.slow)])
 def test_an_unchanged_sensor_has_changed_as_seldom_as_is_said(earlier: int, now: int) -> None:
     """Two earlier levels, with which sixteen of now are compared, have two errors and not sixteen."""
     random = np.random.default_rng(1)
