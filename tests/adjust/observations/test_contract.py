@@ -71,71 +71,74 @@ STATE = non_trivial_state(SCENE)
 GROUPS: dict[str, ObservationGroup] = {group.name: group for group in SCENE.observations.groups}
 
 
-def moved(state: State, block: str, entity: int, component: int, step: float) -> State:
-    """The state with one unknown changed."""
+def moved(state: State, block: str, component: int, steps: Floats) -> State:
+    """The state with one component of a kind of unknown changed, by its own step for each entity."""
     if block == EXTERIOR_ORIENTATION and component < 3:
         centre = state.projection_centre.copy()
-        centre[entity, component] += step
+        centre[:, component] += steps
         return replace(state, projection_centre=centre)
     if block == EXTERIOR_ORIENTATION:
-        turned = state.local_from_camera.copy()
-        turned[entity] = turned[entity] @ rotation.exp(step * np.eye(3)[component - 3])
-        return replace(state, local_from_camera=turned)
+        turn = rotation.exp(steps[:, None] * np.eye(3)[component - 3])
+        return replace(state, local_from_camera=state.local_from_camera @ turn)
     if block == OBJECT_POINT:
         points = state.object_point.copy()
-        points[entity, component] += step
+        points[:, component] += steps
         return replace(state, object_point=points)
     values = state.system[block].copy()
-    values[entity, component] += step
+    values[:, component] += steps
     return replace(state, system={**state.system, block: values})
 
 
 def unknowns(state: State) -> Iterator[tuple[str, int, int, float]]:
-    """Every unknown of the block: (kind, entity, component, step)."""
+    """Every kind of unknown of the block, component by component: (kind, entities, component, step)."""
     sizes = {
         EXTERIOR_ORIENTATION: (len(state.projection_centre), 6),
         OBJECT_POINT: (len(state.object_point), 3),
         **{name: values.shape for name, values in state.system.items()},
     }
     for block, (entities, components) in sizes.items():
-        for entity in range(entities):
-            for component in range(components):
-                if block == EXTERIOR_ORIENTATION:
-                    step = STEP["m"] if component < 3 else STEP["rad"]
-                elif block == OBJECT_POINT:
-                    step = STEP["m"]
-                else:
-                    step = STEP["interior" if block == INTERIOR_ORIENTATION else unit_of(block)]
-                yield block, entity, component, step
+        for component in range(components):
+            if block == EXTERIOR_ORIENTATION:
+                step = STEP["m"] if component < 3 else STEP["rad"]
+            elif block == OBJECT_POINT:
+                step = STEP["m"]
+            else:
+                step = STEP["interior" if block == INTERIOR_ORIENTATION else unit_of(block)]
+            yield block, entities, component, step
 
 
-def dense(equations: Linearization, state: State) -> dict[tuple[str, int, int], Floats]:
-    """Derivative (n, m) with respect to each unknown, from the terms."""
+def along(
+    equations: Linearization, whitener: Floats, block: str, component: int, direction: Floats
+) -> tuple[Floats, Floats]:
+    """Whitened derivative (n, m) along a direction (entities,), and the largest single one (n,)."""
     n, m = equations.misclosure.shape
-    columns: dict[tuple[str, int, int], Floats] = {}
-    for block, entity, component, _ in unknowns(state):
-        column = np.zeros((n, m))
-        for term in equations.terms:
-            if term.block == block:
-                here = term.index == entity
-                column[here] += term.jacobian[here, :, component]
-        columns[block, entity, component] = column
-    return columns
+    total, largest = np.zeros((n, m)), np.zeros(n)
+    for term in equations.terms:
+        if term.block == block:
+            seen = term.index >= 0
+            single = np.einsum("nij,nj->ni", whitener, term.jacobian[:, :, component]) * seen[:, None]
+            total += single * direction[term.index][:, None]
+            largest = np.maximum(largest, np.abs(single).max(axis=1))
+    return total, largest
 
 
 def largest_derivative_error(group: ObservationGroup, state: State) -> float:
-    """Largest |analytic − numeric|, relative to the largest derivative of its kind in the observation."""
-    whitener = group.stochastic.whitener
-    analytic = dense(group.linearize(state), state)
+    """Largest |analytic − numeric|, relative to the largest derivative of its kind in the observation.
+
+    All entities are moved at once, each by a part of the step that is its own, so that a derivative with
+    respect to a wrong one shows.
+    """
+    whitener, random = group.stochastic.whitener, np.random.default_rng(35)
+    analytic = group.linearize(state)
     scale: dict[tuple[str, bool], Floats] = {}
     errors = []
-    for block, entity, component, step in unknowns(state):
-        after = group.linearize(moved(state, block, entity, component, step)).misclosure
-        before = group.linearize(moved(state, block, entity, component, -step)).misclosure
+    for block, entities, component, step in unknowns(state):
+        direction = random.uniform(0.5, 1.0, entities) * random.choice([-1.0, 1.0], entities)
+        after = group.linearize(moved(state, block, component, step * direction)).misclosure
+        before = group.linearize(moved(state, block, component, -step * direction)).misclosure
         numeric = -np.einsum("nij,nj->ni", whitener, after - before) / (2.0 * step)
-        expected = np.einsum("nij,nj->ni", whitener, analytic[block, entity, component])
+        expected, size = along(analytic, whitener, block, component, direction)
         kind = (block, block == EXTERIOR_ORIENTATION and component >= 3)
-        size = np.abs(expected).max(axis=1)
         scale[kind] = np.maximum(scale.get(kind, np.zeros(len(size))), size)
         errors.append((kind, np.abs(numeric - expected).max(axis=1)))
     # A kind of unknown that an observation does not see has the derivative zero, exactly.
@@ -208,6 +211,23 @@ def test_the_contract_finds_a_derivative_that_is_only_nearly_right() -> None:
         sound.event, sound.camera, sound.observed, sound.body_from_camera, sound.stochastic, sound.turning
     )
     assert largest_derivative_error(broken, STATE) > 1e-3
+
+
+def test_the_contract_finds_a_derivative_with_respect_to_another_entity() -> None:
+    @dataclass(frozen=True, eq=False)
+    class Shifted:
+        group: Any
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.group, name)
+
+        def linearize(self, state: State) -> Linearization:
+            found = self.group.linearize(state)
+            own = [replace(term, index=term.index[::-1]) for term in found.terms]
+            return replace(found, terms=tuple(own))
+
+    shifted: Any = Shifted(GROUPS["gnss_positions"])
+    assert largest_derivative_error(shifted, STATE) > 1e-2
 
 
 def test_the_contract_finds_a_wrong_sign() -> None:
