@@ -7,6 +7,7 @@ whitener, no normal equations.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -70,16 +71,30 @@ class Definitions:
             values[place.family][place.entity, place.component] += step
             return replace(state, system=values)
 
-        def column(moved: object) -> Floats:
-            """By central differences with a step that changes the most sensitive observation by one σ."""
+        def step_of(moved: object) -> float:
+            """Of the central differences: it changes the most sensitive observation by one σ."""
             slope = np.abs((misclosure(moved(1e-7)) - misclosure(moved(-1e-7))) / sigma).max() / 2e-7  # type: ignore[operator]
-            step = 1.0 / slope if slope > 0.0 else 1e-7
+            return float(1.0 / slope) if slope > 0.0 else 1e-7
+
+        def column(moved: object, step: float) -> Floats:
             return -(misclosure(moved(step)) - misclosure(moved(-step))) / (2.0 * step)  # type: ignore[operator]
 
         points = np.repeat(result.active_point, 3)
         numbers = [*range(6 * layout.events + layout.border)]
         numbers += [len(numbers) + int(k) for k in np.flatnonzero(points)]
-        a = np.stack([column(lambda step, k=k: unknown(k, step)) for k in numbers], axis=1)
+        # One step for a component of all exposures, and for one of all points.
+        first_point, steps = 6 * layout.events + layout.border, dict[object, float]()
+
+        def column_of(k: int) -> Floats:
+            kind = "exposure", k % 6
+            if k >= 6 * layout.events:
+                kind = ("border", k) if k < first_point else ("point", (k - first_point) % 3)
+            move = partial(unknown, k)
+            if kind not in steps:
+                steps[kind] = step_of(move)
+            return column(move, steps[kind])
+
+        a = np.stack([column_of(k) for k in numbers], axis=1)
         weight = np.linalg.inv(covariance)
         normal = a.T @ weight @ a
         scale = 1.0 / np.sqrt(np.diagonal(normal))
@@ -91,7 +106,8 @@ class Definitions:
         spread = scatter = weight - fitted
         known = result.block.considered
         if known is not None:
-            b = np.stack([column(lambda step, at=at: considered(at, step)) for at in known.places], axis=1)
+            moves = [partial(considered, at) for at in known.places]
+            b = np.stack([column(move, step_of(move)) for move in moves], axis=1)
             moved = scatter @ b
             spread = scatter + moved @ known.covariance @ moved.T
         open_movements = int(np.sum(~told))
