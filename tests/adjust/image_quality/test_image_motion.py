@@ -43,7 +43,9 @@ def exposed(rate: Floats, seed: int, edges: int = 60) -> tuple[Floats, Floats, F
     places = rng.uniform(-7000.0, 7000.0, (edges, 2))
     slants = np.deg2rad(rng.choice([-1.0, 1.0], edges) * rng.uniform(3.0, 42.0, edges))
     angles = np.angle(np.exp(1j * (slants + rng.integers(4, size=edges) * 0.5 * np.pi)))
-    times = TIME * ((np.arange(15) + 0.5) / 15 - 0.5)
+    # Five places of Gauss average a movement over two pixels better than forty equidistant ones.
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    times = 0.5 * TIME * nodes
     way = np.stack([projected(places, rate, np.zeros(3), time) - places for time in times])
     row, column = np.mgrid[:48, :48] - 24.0
     fits = []
@@ -53,10 +55,10 @@ def exposed(rate: Floats, seed: int, edges: int = 60) -> tuple[Floats, Floats, F
         image = 80.0 + 120.0 * unit_edge(
             distance,
             BLUR,
-            lambda near, shifts=shifts, angle=angle: np.mean(
-                [edge_values(near - s, BLUR**2, angle).value for s in shifts], axis=0
+            lambda near, shifts=shifts, angle=angle: np.average(
+                [edge_values(near - s, BLUR**2, angle).value for s in shifts], axis=0, weights=weights
             ),
-            spread=2.0 * float(np.abs(shifts).max()),
+            spread=2.5 * float(np.abs(shifts).max()),
         )
         image = image + rng.normal(0.0, NOISE, distance.shape)
         fits.append(fit_edge(samples_of(image, EdgeLine(24.0, 24.0, float(angle), 32.0))))
