@@ -43,7 +43,7 @@ def test_gain_read_noise_and_full_well_are_those_of_the_sensor(gain: float, read
 
 def test_the_stated_sigmas_are_those_of_the_scatter() -> None:
     # The ratio does not depend on the number of pixels.
-    found = [curve(3.0, 15.0, seed, side=100) for seed in range(60)]
+    found = [curve(3.0, 15.0, seed, side=50) for seed in range(60)]
     for values, stated in (
         ([one.gain for one in found], [one.sigma_gain for one in found]),
         ([one.read_noise for one in found], [one.sigma_read_noise for one in found]),
