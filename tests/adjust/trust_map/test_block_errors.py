@@ -99,6 +99,9 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
 
 def test_the_largest_effect_of_an_image_point_is_that_of_an_adjustment_with_the_error() -> None:
     scene = two_strips(
+        images_per_strip=4,
+        points_along=8,
+        points_across=5,
         free={INTERIOR_ORIENTATION: [[True, False, False]]},
         control=("full", "full", "full"),
         ins=False,
