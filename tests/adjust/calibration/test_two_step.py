@@ -124,13 +124,16 @@ def test_the_shift_is_what_the_given_lever_arm_leaves() -> None:
 
 
 @pytest.mark.parametrize(
-    ("flights", "within"), [(30, (0.9, 2.0)), pytest.param(300, (1.15, 1.65), marks=pytest.mark.slow)]
+    ("flights", "within"), [(12, (0.6, 2.3)), pytest.param(300, (1.15, 1.65), marks=pytest.mark.slow)]
 )
 @pytest.mark.parametrize("with_covariance", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_errors_lie_within_the_stated_standard_deviations(
     with_covariance: bool, flights: int, within: tuple[float, float]
 ) -> None:
-    """The mean square of (found − true)/σ of eight strips is that of Student's t, 7 / 5."""
+    """The mean square of (found − true)/σ of eight strips is that of Student's t, 7 / 5.
+
+    Of 12 flights with six values each it has a standard deviation of 0.33: a σ a third too small shows.
+    """
     squares = []
     for seed in range(flights):
         mean = two_step_calibration(flown(seed=seed, with_covariance=with_covariance), RULE).groups[0].mean
@@ -194,7 +197,9 @@ def test_four_strips_are_too_few_to_call_one_outlying() -> None:
 @pytest.mark.parametrize(
     ("strips", "blocks", "expected"),
     [
-        (20, 1000, 0.05),
+        # A probability of an eighth shows.
+        (20, 400, 0.05),
+        pytest.param(20, 1000, 0.05, marks=pytest.mark.slow),
         # Rosner's critical values are approximate: from some 30 strips on they keep what they state.
         pytest.param(20, 5000, 0.059, marks=pytest.mark.slow),
         pytest.param(30, 5000, 0.0525, marks=pytest.mark.slow),

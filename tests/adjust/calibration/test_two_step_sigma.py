@@ -80,12 +80,13 @@ def test_sigma_of_four_strips_holds_with_the_errors_they_have_in_common() -> Non
     flight, flights = two_step_flight(4), 20
     differences = flown(flight, flights)
     scores, _ = normal_scores(flight, differences, known=True)
-    without, _ = normal_scores(flight, differences, known=False)
+    few = 8
+    without, _ = normal_scores(flight, differences[:few], known=False)
     high = np.sqrt(stats.chi2.ppf(1.0 - 5e-4, flights) / flights)
     assert np.all(_rms(scores) < high)
     assert np.all(_rms(scores) > 0.6)
     # In height all strips have it in common, and Student's t alone does not cover it.
-    assert _rms(without)[8] > _rms(scores)[8]
+    assert _rms(without)[8] > _rms(scores[:few])[8]
 
 
 @pytest.mark.slow
