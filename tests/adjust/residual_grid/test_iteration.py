@@ -87,6 +87,8 @@ def test_iteration_recovers_the_rest_and_heights_gain_most(tiles: CameraTest) ->
     assert five.steps[-1].rms < 0.25 * one.steps[-1].rms
 
 
+# The example `residual_grid` prints the same heights, daily; here they are compared with the best.
+@pytest.mark.slow
 def test_what_the_block_holds_against_comes_back(surveyed_from_the_air: CameraTest) -> None:
     test = surveyed_from_the_air
     # The plain procedure, five times; then cross-validated with smoothing.
@@ -161,6 +163,8 @@ def test_no_iterations_change_nothing(tiles: CameraTest) -> None:
     np.testing.assert_array_equal(found.state.object_point, tiles.result.state.object_point)
 
 
+# The example `residual_grid` prints the same figures, daily; here the correction is continued, too.
+@pytest.mark.slow
 def test_the_grid_of_the_high_flight_helps_the_low_one() -> None:
     high, low = high_block(RADIAL_AND_TILES, gnss=True), low_block(RADIAL_AND_TILES)
     fields = _iterated(high, GridRule()).fields
