@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 import tomllib
 from importlib import import_module
 
 import pytest
 
+from tests.command_line import aerocal
 from tests.deploy.deploy_files import DEPLOY, REPOSITORY, compose, kubernetes, prefect_deployments, served_by
 
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
@@ -18,10 +17,7 @@ PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
 @pytest.mark.parametrize("place", served_by())
 def test_the_command_line_knows_every_option(place: str) -> None:
     command, *arguments = served_by()[place]
-    shown = subprocess.run(
-        [sys.executable, "-m", "flows.command", command, "--help"],
-        capture_output=True, text=True, check=True, cwd=REPOSITORY, env={"COLUMNS": "200"},
-    ).stdout  # fmt: skip
+    shown = aerocal(command, "--help").stdout
     options = {argument.split("=")[0] for argument in arguments if argument.startswith("--")}
     assert options
     assert not [option for option in sorted(options) if not re.search(rf"{option}\b", shown)]
