@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,6 +22,56 @@ def test_imports_point_downwards_only() -> None:
     command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def imported_on_loading(tree: ast.Module) -> Iterator[str]:
+    """Names of modules that come along when a module is imported: those that no function imports later."""
+    ahead: list[ast.AST] = [*tree.body]
+    while ahead:
+        node = ahead.pop()
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "no import is relative"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            ahead += node.orelse
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            ahead += ast.iter_child_nodes(node)
+
+
+def test_only_the_flows_and_what_serves_them_import_prefect_at_their_top() -> None:
+    with_prefect = tuple(name.removesuffix("py").replace("/", ".") for name in WITH_PREFECT)
+    found = set()
+    for package in ("flows", "tasks", "adjust"):
+        for path in (REPOSITORY / package).rglob("*.py"):
+            text = path.read_text(encoding="utf-8")
+            # Only what contains one of the names has to be parsed.
+            if "prefect" in text or "serving" in text:
+                names = imported_on_loading(ast.parse(text))
+                if any(f"{name}.".startswith(("prefect.", *with_prefect)) for name in names):
+                    found.add(path.relative_to(REPOSITORY).as_posix())
+    assert found == WITH_PREFECT
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import prefect.client",
+        "try:\n    from prefect import flow\nexcept ImportError:\n    pass",
+        "class A:\n    import prefect",
+    ],
+)
+def test_an_import_at_the_top_is_seen_wherever_it_is(source: str) -> None:
+    (name,) = imported_on_loading(ast.parse(source))
+    assert name.startswith("prefect")
+
+
+@pytest.mark.parametrize(
+    "source", ["def f():\n    import prefect", "if TYPE_CHECKING:\n    from prefect import Flow"]
+)
+def test_an_import_that_waits_is_none_at_the_top(source: str) -> None:
+    assert [*imported_on_loading(ast.parse(source))] == []
 
 
 #: What is imported one after the other, each with the libraries that must not have come along till then.
@@ -58,21 +110,24 @@ print(json.dumps(found))
 """
 
 
-@pytest.fixture(scope="module")
-def came_along() -> dict[str, list[str]]:
-    """The unwanted libraries of each step, in one process for all."""
-    command = [sys.executable, "-c", _PROGRAM.format(steps=STEPS)]
+def unwanted_after(*names: str) -> dict[str, list[str]]:
+    """The unwanted libraries of some steps, in one process for all."""
+    command = [sys.executable, "-c", _PROGRAM.format(steps={name: STEPS[name] for name in names})]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found: dict[str, list[str]] = json.loads(done.stdout)
     return found
 
 
-def test_only_the_flows_and_what_serves_them_import_prefect_when_they_are_imported(
-    came_along: dict[str, list[str]],
-) -> None:
-    """Every other module of ours loads without Prefect coming along."""
-    assert came_along["everything"] == []
+@pytest.mark.slow
+def test_only_the_flows_and_what_serves_them_import_prefect_when_they_are_imported() -> None:
+    """Every other module of ours loads without Prefect coming along, from a library neither."""
+    assert unwanted_after("everything")["everything"] == []
+
+
+@pytest.fixture(scope="module")
+def came_along() -> dict[str, list[str]]:
+    return unwanted_after("reuse", "adjustment")
 
 
 def test_an_adjustment_does_not_wait_for_all_distributions(came_along: dict[str, list[str]]) -> None:
