@@ -14,8 +14,8 @@ import pytest
 
 from adjust.geometry import rotation
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
+from tests.flows.calibration_alone import calibration_alone
 from tests.golden.dbat_camcal import (
     COLUMNS,
     FOCAL_LENGTH_MM,
@@ -90,7 +90,7 @@ def calibrated(
     pd.DataFrame({"point": names, "x": x, "y": y, "z": z}).to_csv(folder / "control.csv", index=False)
     if not alone:
         write_exposures(folder, network)
-    outcome = carry_out(system_calibration, RunRequest(folder / "project.toml"))
+    outcome = carry_out(calibration_alone, RunRequest(folder / "project.toml"))
     assert outcome.error is None, outcome.error
     return outcome
 

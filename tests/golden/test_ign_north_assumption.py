@@ -19,7 +19,6 @@ import pytest
 from pyproj import CRS
 
 from flows.runs.project_run import RunRequest, Story, carry_out
-from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.coordinates.crs import MapFrame
 from tasks.settings.coordinates import ELLIPSOIDAL
@@ -27,7 +26,7 @@ from tasks.settings.load import load_project
 from tasks.stages.ingest import import_exposures
 from tasks.store.store import Store
 from tasks.tables.parquet import read_table
-from tests.flows.calibration_alone import calibration_alone
+from tests.flows.calibration_alone import calibration_alone, calibration_with_certificate
 
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"
 LAMBERT = "EPSG:2154"
@@ -76,7 +75,9 @@ class Delivery:
     crs: str
     file: Path
 
-    def calibrated(self, north: str, sigma: float, story: Story = system_calibration) -> CalibrationRecord:
+    def calibrated(
+        self, north: str, sigma: float, story: Story = calibration_with_certificate
+    ) -> CalibrationRecord:
         """With attitudes that are said to count from a north and to have a σ, degrees."""
         exposures = (
             f"{{file='{self.file}', format='csv', crs='{self.crs}', heights='ellipsoidal', "

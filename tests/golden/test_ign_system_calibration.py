@@ -12,16 +12,17 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunOutcome, RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
+from tests.flows.calibration_alone import calibration_alone
 
 PROJECT = Path(__file__).resolve().parents[2] / "examples" / "ign_ultracam_eagle" / "project.toml"
 CAMERA = "UCE-M3-f120-s07"
 WANTED = 'calibration.free=["boresight", "lever_arm", "focal_length"]'
 
 
-def run(test_data: Path, out: Path, *overrides: str) -> RunOutcome:
+def run(test_data: Path, out: Path, *overrides: str, story: Story = system_calibration) -> RunOutcome:
     """With IGN's own adjustment of 2,739 images for the second step."""
     delivered = (
         f'{{file="{test_data}/ign_ultracam_eagle_m3/21FD2447_alt_s07.OPK", format="ign-opk", '
@@ -32,16 +33,15 @@ def run(test_data: Path, out: Path, *overrides: str) -> RunOutcome:
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("AEROCAL_TEST_DATA", str(test_data))
-        outcome = carry_out(
-            system_calibration, RunRequest(PROJECT, out, (*overrides, f"calibration.adjusted={delivered}"))
-        )
+        request = RunRequest(PROJECT, out, (*overrides, f"calibration.adjusted={delivered}"))
+        outcome = carry_out(story, request)
     assert outcome.error is None, outcome.error
     return outcome
 
 
 @pytest.fixture(scope="module")
 def calibrated(test_data: Path, tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
-    return run(test_data, tmp_path_factory.mktemp("calibration"), WANTED)
+    return run(test_data, tmp_path_factory.mktemp("calibration"), WANTED, story=calibration_alone)
 
 
 @pytest.fixture(scope="module")
