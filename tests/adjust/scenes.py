@@ -7,6 +7,7 @@ observations are exact; the approximate values are the truth until a start seed 
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -653,8 +654,9 @@ SOME_FREE: Mapping[str, object] = {
 }
 
 
-def variants() -> dict[str, Scene]:
-    """Blocks that differ in everything the equations distinguish, disturbed and with noise."""
+@functools.cache
+def variants() -> Mapping[str, Scene]:
+    """Blocks that differ in everything the equations distinguish, disturbed and noisy; tests only read them."""
     seeds = {"noise_seed": 21, "start_seed": 22}
     everything = {"cameras": 2, "flights": 2, "free": ALL_FREE, "priors": {INTERIOR_ORIENTATION: 2e-5}}
     return {
