@@ -7,6 +7,7 @@ from adjust.arrays import Floats
 from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.residual_grid import ResidualGrid, residual_grid
 from adjust.residual_grid.smoothing import Smoothing, SmoothingMethod, smoothed
+from tests.grids import diagonal_daily
 
 HALF = (0.05, 0.05)
 METHODS: tuple[SmoothingMethod, ...] = ("gaussian", "counts", "collocation")
@@ -47,11 +48,11 @@ def test_a_constant_field_stays(method: SmoothingMethod) -> None:
     assert np.isnan(found[~grid.known]).all()
 
 
-@pytest.mark.parametrize(("per_cell", "most"), [(25, 0.6), (100, 0.7)])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("method", "per_cell"), diagonal_daily(METHODS, (25, 100)))
 def test_smoothing_brings_noisy_means_nearer_to_a_smooth_field(
-    method: SmoothingMethod, per_cell: int, most: float
+    method: SmoothingMethod, per_cell: int
 ) -> None:
+    most = {25: 0.6, 100: 0.7}[per_cell]
     grid, true = _grid(625 * per_cell)
     raw = _rms(grid.mean - true)
     assert raw == pytest.approx(0.8 / np.sqrt(per_cell), rel=0.1)
@@ -97,6 +98,6 @@ def test_nothing_is_smoothed_across_a_seam(method: SmoothingMethod) -> None:
 
 
 def test_means_without_any_noise_are_kept_by_collocation() -> None:
-    grid, true = _grid(9000)
+    grid, true = _grid(9000, side=15)
     exact = ResidualGrid(grid.cells, grid.count, true, np.zeros_like(true), grid.probability)
     np.testing.assert_allclose(smoothed(exact, Smoothing("collocation")), true, atol=0.01)
