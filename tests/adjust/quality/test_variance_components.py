@@ -89,10 +89,22 @@ def large() -> SimulatedBlock:
     return hundred_images()
 
 
-def test_from_wrong_weights_the_large_parts_are_found_within_their_intervals(large: SimulatedBlock) -> None:
-    measured = large.measured_again(1)
+@pytest.fixture(scope="module")
+def measured(large: SimulatedBlock) -> SimulatedBlock:
+    return large.measured_again(1)
+
+
+@pytest.fixture(scope="module")
+def from_wrong(measured: SimulatedBlock) -> AdjustmentResult:
+    """A large block with weights estimated from wrong ones."""
     block = measured.block(FREE)
-    result = estimated(block, wrongly_weighted(measured.observations(block)))
+    return estimated(block, wrongly_weighted(measured.observations(block)))
+
+
+def test_from_wrong_weights_the_large_parts_are_found_within_their_intervals(
+    from_wrong: AdjustmentResult,
+) -> None:
+    result = from_wrong
     assert result.reweighted <= 6
     assert result.test.sigma0 == pytest.approx(1.0, abs=0.01)
     table = {name: row for name, row in found_over_true(result).items() if row[3] >= 100.0}
@@ -106,28 +118,21 @@ def test_from_wrong_weights_the_large_parts_are_found_within_their_intervals(lar
     assert not misses, misses
 
 
-@pytest.fixture(scope="module")
-def from_wrong(large: SimulatedBlock) -> AdjustmentResult:
-    """The large block with weights estimated from wrong ones."""
-    block = large.block(FREE)
-    return estimated(block, wrongly_weighted(large.observations(block)))
-
-
 @pytest.mark.slow
 def test_the_start_has_no_influence_on_what_is_found(
-    large: SimulatedBlock, from_wrong: AdjustmentResult
+    measured: SimulatedBlock, from_wrong: AdjustmentResult
 ) -> None:
-    block = large.block(FREE)
-    from_truth = estimated(block, large.observations(block))
+    block = measured.block(FREE)
+    from_truth = estimated(block, measured.observations(block))
     for a, b in zip(from_truth.variance_components, from_wrong.variance_components, strict=True):
         assert b.sigma == pytest.approx(a.sigma, rel=0.02), a.part.name
 
 
 def test_adjusted_values_are_those_of_the_estimated_weights(
-    large: SimulatedBlock, from_wrong: AdjustmentResult
+    measured: SimulatedBlock, from_wrong: AdjustmentResult
 ) -> None:
-    block, result = large.block(FREE), from_wrong
-    wrong = wrongly_weighted(large.observations(block))
+    block, result = measured.block(FREE), from_wrong
+    wrong = wrongly_weighted(measured.observations(block))
     factors = np.array([item.factor for item in result.variance_components])
     again = adjust_block(block, reweighted(wrong, parts_of(wrong), factors))
     np.testing.assert_allclose(again.state.object_point, result.state.object_point, atol=1e-6)
@@ -272,8 +277,9 @@ def test_intervals_of_divided_groups_hold_the_truth_as_often_as_they_say(large: 
 def dense() -> Callable[..., tuple[System, Any, Floats, list[Floats]]]:
     """A small block with its full residual operator R and the rows of every part."""
 
+    scene = two_strips(noise_seed=4, points_along=7, points_across=4, images_per_strip=6)
+
     def build(factors: Floats | None = None) -> tuple[System, Any, Floats, list[Floats]]:
-        scene = two_strips(noise_seed=4, points_along=7, points_across=4, images_per_strip=6)
         observations = scene.observations
         if factors is not None:
             observations = reweighted(observations, parts_of(observations), factors)
