@@ -171,7 +171,7 @@ def test_every_figure_of_an_observation_is_that_of_its_definition(name: str) -> 
     assert_as_defined(SCENES[name])
 
 
-@pytest.mark.parametrize("correlation_s", [None, 20.0])
+@pytest.mark.parametrize("correlation_s", [pytest.param(None, marks=pytest.mark.slow), 20.0])
 def test_the_same_with_considered_parameters(correlation_s: float | None) -> None:
     scene = two_strips(noise_seed=3, start_seed=4, free={LEVER_ARM: True}, gnss_correlation_s=correlation_s)
     places = tuple(ParameterPlace(name, 0, k) for name in (INTERIOR_ORIENTATION, BORESIGHT) for k in range(3))
