@@ -68,7 +68,7 @@ def test_an_offset_of_each_kind_is_called_what_it_is() -> None:
     assert verdicts(trials, lever_arm=(0.04, 0.0), shift=(0.0, 0.04))["both"] > 0.85 * trials
 
 
-@pytest.mark.parametrize("trials", [400, pytest.param(4000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("trials", [200, pytest.param(4000, marks=pytest.mark.slow)])
 def test_without_an_offset_none_is_called_for_with_the_stated_probability(trials: int) -> None:
     """A lever arm and a shift in 2.5 % each."""
     found = verdicts(trials)
