@@ -178,7 +178,7 @@ def test_orthometric_heights_of_the_exposures(
     [
         ((0.61, 0.34), None),
         ((-0.61, -0.34), "along forward and right"),
-        ((0.61, -0.34), "along right"),
+        pytest.param((0.61, -0.34), "along right", marks=pytest.mark.slow),
     ],
 )
 def test_wrong_signs_of_the_lever_arm(

@@ -164,7 +164,9 @@ def test_the_correlation_of_roll_and_lever_arm_is_shown(adjusted) -> None:
     assert -1.0 < float(found[0]) < -0.3
 
 
-@pytest.mark.parametrize(("gnss_sigma_m", "position_sd_m"), [(0.10, 0.20), (0.03, 0.08)])
+@pytest.mark.parametrize(
+    ("gnss_sigma_m", "position_sd_m"), [(0.10, 0.20), pytest.param(0.03, 0.08, marks=pytest.mark.slow)]
+)
 def test_orientations_agree_with_those_of_ign(
     adjusted, test_data: Path, gnss_sigma_m: float, position_sd_m: float
 ) -> None:
@@ -213,6 +215,8 @@ def test_focal_length_is_not_determined_by_one_flying_height(adjusted) -> None:
     assert any("focal_length" in text and "correlated" in text for text in result["problems"])
 
 
+# Daily on simulated blocks, in tests/flows/test_unoriented_images.py and test_unusual_blocks.py.
+@pytest.mark.slow
 def test_without_ins_the_strips_give_the_headings_and_the_block_the_attitudes(
     test_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
