@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import functools
 import os
 import shutil
@@ -24,20 +23,25 @@ from flows.server.api import Api
 from flows.server.server_process import SERVER_PASSWORD
 from flows.server.state_file import kept_password
 from tasks.production.records import Records
-from tests.conftest import SHARED_VARIABLE
 from tests.ports import free_port
+from tests.service.stored_block import made_once
 
 T = TypeVar("T")
 START_S = 200.0
 
 
-def until(what: Callable[[], T], seconds: float, process: subprocess.Popen[bytes] | None = None) -> T:
+def until(
+    what: Callable[[], T],
+    seconds: float,
+    process: subprocess.Popen[bytes] | None = None,
+    pause_s: float = 0.2,
+) -> T:
     """The first value of something that is true; fails when the time is over or the process has ended."""
     end = time.monotonic() + seconds
     while not (value := what()):
         assert time.monotonic() < end, f"not within {seconds} s"
         assert process is None or process.poll() is None, "the server has ended"
-        time.sleep(0.2)
+        time.sleep(pause_s)
     return value
 
 
@@ -114,7 +118,13 @@ class Served:
     def ended(self, identity: str, seconds: float = 150.0) -> Any:
         """The run once it has ended."""
         final = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
-        return until(lambda: run if (run := self.run(identity))["state_type"] in final else None, seconds)
+
+        def ended() -> Any:
+            run = self.run(identity)
+            return run if run["state_type"] in final else None
+
+        # Every question costs the server a hundredth of a second.
+        return until(ended, seconds, pause_s=0.5)
 
     def runs(self, **filters: Any) -> list[Any]:
         return list(self.api.post("/flow_runs/filter", filters))
@@ -144,24 +154,18 @@ asyncio.run(start())
 
 @functools.cache
 def _started_once() -> Path:
-    """Prefect's folder after a first start: its tables and kinds of blocks, which take it longest to make.
+    """Prefect's folder after a first start: its tables and kinds of blocks, which take it longest to make."""
 
-    The first worker that needs it makes it for all.
-    """
-    home = Path(os.environ[SHARED_VARIABLE]) / "prefect"
-    with home.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not home.exists():
-            made = home.with_suffix(".made")
-            variables = {
-                "PREFECT_HOME": str(made),
-                "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
-                "DO_NOT_TRACK": "1",
-            }
-            command = [sys.executable, "-c", _ONE_START]
-            subprocess.run(command, env={**environment(made), **variables}, capture_output=True, check=True)
-            made.rename(home)
-    return home
+    def start(home: Path) -> None:
+        variables = {
+            "PREFECT_HOME": str(home),
+            "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+            "DO_NOT_TRACK": "1",
+        }
+        command = [sys.executable, "-c", _ONE_START]
+        subprocess.run(command, env={**environment(home), **variables}, capture_output=True, check=True)
+
+    return made_once("prefect", start)
 
 
 def recorded_states(folder: Path) -> dict[str, str]:

@@ -22,10 +22,10 @@ from flows.server.door import door_of
 from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress, server_environment
 from tasks.production.records import Records
 from tests.deploy.deploy_files import DEPLOY, REPOSITORY, compose
-from tests.flows.conftest import write_block
 from tests.ports import free_port
 from tests.postgresql_server import PASSWORD, PostgresqlServer, program
 from tests.service.served import environment, until
+from tests.service.stored_block import write_stored_block
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
 
@@ -49,7 +49,7 @@ def running(command: list[str], log: Path, **options: Any) -> Iterator[subproces
 def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_event_announces(
     tmp_path: Path,
 ) -> None:
-    write_block(tmp_path / "root" / "block")
+    write_stored_block(tmp_path / "root" / "block", "results")
     address = ServerAddress("127.0.0.1", free_port("127.0.0.1"))
     base = {**environment(tmp_path), "PATH": PATH, "PREFECT_HOME": str(tmp_path / "home")}
     base["PYTHONPATH"] = str(REPOSITORY)
@@ -104,7 +104,7 @@ def test_the_commands_of_compose_start_a_server_that_is_well_and_keeps_its_recor
     }
     for name in ("projects", "inbox"):
         (tmp_path / "data" / name).mkdir(parents=True)
-    write_block(tmp_path / "data" / "projects" / "block")
+    write_stored_block(tmp_path / "data" / "projects" / "block", "results")
     command = [_with(argument, replaced) for argument in services["server"]["command"]]
     assert command[0] == "serve"
     secrets = {SERVER_PASSWORD: "ann:words", "PREFECT_API_AUTH_STRING": "ann:words", "PGPASSWORD": PASSWORD}

@@ -25,6 +25,7 @@ from tasks.files.installation import InstallationError
 from tests.flows.conftest import write_block
 from tests.ports import free_port
 from tests.service.served import Served, environment, served
+from tests.service.stored_block import store_stages, write_stored_block
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
 
@@ -41,8 +42,10 @@ OUTPUTS = ("a\nb", "results\n", "\x1b[2J", "a\u202eb", "a\u2066b", ".git", ".sto
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("guarded")
-    write_block(folder / "root" / "block")
+    write_stored_block(folder / "root" / "block", "results")
     write_block(folder / "outside")
+    for name in ("with", "without"):
+        store_stages(folder / name)
     with served(folder, "--host", "0.0.0.0", **{SERVER_PASSWORD: WORDS}) as running:
         yield running
 
