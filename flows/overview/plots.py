@@ -8,12 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import date, timedelta
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tasks.production.board import ProjectRow
 from tasks.quantities import shown
-from tasks.registry.series import SeriesPoint
-from tasks.registry.watch import RegistryWatch, WatchedSeries
+
+if TYPE_CHECKING:
+    from tasks.registry.series import SeriesPoint
+    from tasks.registry.watch import RegistryWatch, WatchedSeries
 
 Figure = dict[str, Any]
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from flows.server.api import Api
 from flows.server.door import Door
@@ -18,10 +18,10 @@ from tasks.files.installation import InstallationError
 from tasks.production.board import Board
 from tasks.production.records import Records
 from tasks.production.run_record import RunRecord
-from tasks.registry.due import DueLimits
-from tasks.registry.registry import Registry
-from tasks.registry.watch import RegistryWatch, watch_of
 from tasks.settings.registry import registry_address
+
+if TYPE_CHECKING:
+    from tasks.registry.watch import RegistryWatch
 
 
 @dataclass(frozen=True)
@@ -198,6 +198,11 @@ class Sources:
     def _read_registry(self) -> Calibrations:
         if self.registry is None:
             return Calibrations(None, None)
+        # Every start of the server would load them otherwise, and pandas and scipy with them.
+        from tasks.registry.due import DueLimits
+        from tasks.registry.registry import Registry
+        from tasks.registry.watch import watch_of
+
         try:
             contents = Registry.at(registry_address(self.registry)).contents()
             return Calibrations(watch_of(contents, date.today(), DueLimits()), None)

@@ -97,11 +97,12 @@ def test_a_run_ends_in_the_state_that_says_what_happened(server: Served) -> None
     assert not all(gate.passed for gate in recorded[missed].figures.gates)
 
 
-def test_the_runner_loads_nothing_that_computes(server: Served) -> None:
-    """Nor does a run that finds everything stored: it loads the same flows, and its story."""
-    loaded = Path(f"/proc/{server.group_of('flows.serving.deployments')}/maps").read_text()
-    assert "/pydantic_core/" in loaded
-    assert not [name for name in ("numba", "pandas", "scipy") if f"/{name}/" in loaded]
+def test_runner_and_page_load_nothing_that_computes(server: Served) -> None:
+    """Nor does a run that finds everything stored: it loads the same flows as the runner, and its story."""
+    for process in (server.process.pid, server.group_of("flows.serving.deployments")):
+        loaded = Path(f"/proc/{process}/maps").read_text()
+        assert "/pydantic_core/" in loaded
+        assert not [name for name in ("numba", "pandas", "scipy") if f"/{name}/" in loaded]
 
 
 def test_a_run_by_hand_appears_in_the_dashboard(server: Served) -> None:
