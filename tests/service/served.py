@@ -75,9 +75,12 @@ class Served:
         return (self.folder / "state" / "link").read_text().strip()
 
     def let_in(self, page: Page) -> None:
-        """Open the link and wait until the browser has the cookie: a page asked for before is the door's."""
+        """Open the link and wait until the browser has the cookie: a page asked for before is the door's.
+
+        It has it when it is sent to the dashboard, which takes seconds to draw itself.
+        """
         page.goto(self.link, timeout=60_000)
-        page.wait_for_url(f"http://127.0.0.1:{self.port}/v2/**", timeout=60_000)
+        page.wait_for_url(f"http://127.0.0.1:{self.port}/v2/**", wait_until="commit", timeout=60_000)
 
     @property
     def api(self) -> Api:
@@ -228,7 +231,7 @@ def served(
     overview = free_port("127.0.0.1")
     ports = ["--port", str(port), "--overview-port", str(overview)]
     command = [sys.executable, "-m", "flows.command", "serve", *ports]
-    places = ["--root", str(folder / "root"), "--inbox", str(folder / "inbox"), "--watch", "1"]
+    places = ["--root", str(folder / "root"), "--inbox", str(folder / "inbox"), "--watch", "2"]
     with (folder / "printed").open("wb") as printed:
         process = subprocess.Popen(
             [*command, *places, *options],

@@ -158,7 +158,7 @@ def restored(ended: Start) -> Start:
     """A second start from the backup, killed with a run begun and a delivery that nobody had taken."""
     folder = ended.folder
     restore(folder)
-    with served(folder, "--cron", "30 1 * * *") as server:
+    with served(folder, "--cron", "30 1 * * *", "--watch", "1") as server:
         deliver(folder, "second")
         first, second = delivered(server, 2)
         server.ended(ended.runs["later"])
