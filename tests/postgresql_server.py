@@ -43,14 +43,22 @@ class PostgresqlServer:
     def url(self, database: str = "postgres", password: str = PASSWORD) -> str:
         return f"postgresql://tester:{password}@127.0.0.1:{self.port}/{database}"
 
+    def copied(self, source: str, name: str) -> str:
+        """The URL of a database of this name with all that another has, which nobody is connected to."""
+        self._carry_out("template1", f"DROP DATABASE IF EXISTS {name} WITH (FORCE)")
+        self._carry_out("template1", f"CREATE DATABASE {name} TEMPLATE {source}")
+        return self.url(name)
+
+    def _carry_out(self, database: str, *commands: str) -> None:
+        address = {"host": "127.0.0.1", "port": self.port, "database": database, "password": PASSWORD}
+        with closing(pg8000.dbapi.connect("tester", **address)) as connection:
+            connection.autocommit = True
+            for command in commands:
+                connection.cursor().execute(command)
+
     def emptied(self) -> str:
         """The URL of its database, without any tables."""
-        address = {"host": "127.0.0.1", "port": self.port, "database": "postgres", "password": PASSWORD}
-        connection = pg8000.dbapi.connect("tester", **address)
-        with closing(connection):
-            connection.cursor().execute("DROP SCHEMA public CASCADE")
-            connection.cursor().execute("CREATE SCHEMA public")
-            connection.commit()
+        self._carry_out("postgres", "DROP SCHEMA public CASCADE", "CREATE SCHEMA public")
         # Whoever empties a registry says so to those who have seen it.
         shutil.rmtree(Path(os.environ["AEROCAL_STATE"]) / "registries", ignore_errors=True)
         return self.url()

@@ -19,6 +19,7 @@ from tasks.registry.history import Event
 from tasks.registry.registry import Registry
 from tasks.registry.tables import CALIBRATIONS, COVARIANCES, EVENTS, HEAD, PARAMETERS
 from tasks.settings.registry import registry_address
+from tests.postgresql_server import PostgresqlServer
 from tests.tasks.registry.records import add, approve, changed, record
 
 Edit = Callable[[Connection], object]
@@ -39,14 +40,21 @@ def filled_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.fixture(scope="module")
+def filled_database(postgresql: PostgresqlServer) -> str:
+    """The name of a database that is only copied."""
+    fill(Registry.at(registry_address(postgresql.copied("template0", "filled"))))
+    return "filled"
+
+
 @pytest.fixture
-def filled(registry: Registry, filled_file: Path) -> Registry:
+def filled(registry: Registry, filled_file: Path, request: pytest.FixtureRequest) -> Registry:
     place = registry.database.address.file
-    if place is None:
-        fill(registry)
-    else:
+    if place is not None:
         shutil.copy(filled_file, place)
-    return registry
+        return registry
+    server, source = (request.getfixturevalue(name) for name in ("postgresql", "filled_database"))
+    return Registry.at(registry_address(server.copied(source, "edited")), wait_s=20.0)
 
 
 def edit(registry: Registry, *edits: Edit) -> None:
