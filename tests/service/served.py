@@ -156,7 +156,7 @@ asyncio.run(start())
 
 
 @functools.cache
-def _started_once() -> Path:
+def started_once() -> Path:
     """Prefect's folder after a first start: its tables and kinds of blocks, which take it longest to make."""
 
     def start(home: Path) -> None:
@@ -226,7 +226,7 @@ def served(
         variables["PREFECT_SERVER_REGISTER_BLOCKS_ON_START"] = "false"
         if not state.exists():
             state.mkdir(mode=0o700)
-            shutil.copytree(_started_once(), state / "prefect")
+            shutil.copytree(started_once(), state / "prefect")
     port = free_port("127.0.0.1")
     overview = free_port("127.0.0.1")
     ports = ["--port", str(port), "--overview-port", str(overview)]

@@ -24,7 +24,7 @@ from tasks.production.records import Records
 from tests.deploy.deploy_files import DEPLOY, REPOSITORY, compose
 from tests.ports import free_port
 from tests.postgresql_server import PASSWORD, PostgresqlServer, program
-from tests.service.served import environment, until
+from tests.service.served import environment, started_once, until
 from tests.service.stored_block import write_stored_block
 
 pytestmark = [pytest.mark.service, pytest.mark.timeout(600)]
@@ -50,6 +50,8 @@ def test_an_initialised_server_and_a_worker_of_prefect_run_a_delivery_that_an_ev
     tmp_path: Path,
 ) -> None:
     write_stored_block(tmp_path / "root" / "block", "results")
+    # The test of compose starts on an empty database.
+    shutil.copytree(started_once(), tmp_path / "home")
     address = ServerAddress("127.0.0.1", free_port("127.0.0.1"))
     base = {**environment(tmp_path), "PATH": PATH, "PREFECT_HOME": str(tmp_path / "home")}
     base["PYTHONPATH"] = str(REPOSITORY)
