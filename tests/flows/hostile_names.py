@@ -27,6 +27,8 @@ PAYLOADS = (
     "مصور",
     "w" * 180,
 )
+#: Sixteen images, more than there are payloads.
+SMALL = ("flight.0.exposures=4", "flight.1.exposures=4", "points.count=250")
 PROJECT = f"p{PAYLOADS[0]}{PAYLOADS[1]}{PAYLOADS[9]}"
 CAMERA = f"c/{PAYLOADS[1]}{PAYLOADS[10]}{PAYLOADS[9]}"
 IDENTITY = {"body": PAYLOADS[3], "lens": PAYLOADS[0], "imu": PAYLOADS[9], "mount": PAYLOADS[10]}
@@ -34,7 +36,7 @@ IDENTITY = {"body": PAYLOADS[3], "lens": PAYLOADS[0], "imu": PAYLOADS[9], "mount
 
 def fly(folder: Path) -> Path:
     """The project file of the flight."""
-    simulation = load_simulation("uce-high", ("points.count=400",))
+    simulation = load_simulation("uce-high", SMALL)
     file = simulate_project(simulation, folder).project_file
     names = _Names()
     renamed(folder / "image_points.csv", {"image": names.of, "point": names.of})

@@ -33,6 +33,8 @@ from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
 from tests.tasks.registry.records import add, approve, changed, record
 
 SMALL = ("points.count=500", "points.detection=0.6", "project.name=another")
+#: Sixteen images.
+SHORT = (*SMALL, "flight.0.exposures=4", "flight.1.exposures=4", "points.count=250")
 FROM_REGISTRY = "direct_georeferencing.calibration=registry"
 FLOWN = "project.flown=2024-06-01"
 # The camera of the simulated flight has no numbers.
@@ -43,7 +45,7 @@ CAMERA, NAMELESS = "UCE-80", CameraIdentity()
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The project file of a flight of the camera UCE-80."""
     folder = tmp_path_factory.mktemp("flight")
-    return simulate_project(load_simulation("uce-high", SMALL, 2), folder).project_file
+    return simulate_project(load_simulation("uce-high", SHORT, 2), folder).project_file
 
 
 @pytest.fixture

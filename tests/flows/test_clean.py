@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 
 from flows.command.main import app
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.store.run_lock import run_lock
 from tasks.store.stage_record import read_records
 from tasks.store.store import Store
+from tests.flows.adjustment_alone import adjustment_alone
 from tests.flows.conftest import write_block
 
 DAY = 86_400
@@ -29,7 +29,7 @@ def clean(*arguments: str | Path) -> Result:
 def run(block: Path, *overrides: str) -> list[str]:
     """Run the block; the stages that were computed."""
     request = RunRequest(block, overrides=overrides)
-    assert carry_out(aerial_triangulation, request).error is None
+    assert carry_out(adjustment_alone, request).error is None
     return [one.stage for one in read_records(Store.of(request.directory).folder) if not one.reused]
 
 

@@ -30,15 +30,16 @@ CORRELATED = (
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """28 images in crossing strips; positions and attitudes with nothing but correlated errors."""
+    """28 images in crossing strips with results; positions and attitudes have correlated errors only."""
     folder = tmp_path_factory.mktemp("correlated")
     simulate_project(load_simulation("uce-high", CORRELATED), folder)
+    assert run(folder).error is None
     return folder
 
 
 @pytest.fixture
 def delivered(flight: Path, tmp_path: Path) -> Path:
-    """A copy of the delivery, to be changed."""
+    """A copy, to be changed: what a test's own run does not change is not computed again."""
     return Path(shutil.copytree(flight, tmp_path / "project"))
 
 

@@ -27,15 +27,16 @@ SEVEN = [
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """28 images in crossing strips, 84 control points."""
+    """28 images in crossing strips, 84 control points, with the results of an adjustment in their datum."""
     folder = tmp_path_factory.mktemp("flight")
     simulate_project(load_simulation("uce-high", ("points.count=600",)), folder)
+    run(folder)
     return folder
 
 
 @pytest.fixture
 def delivered(flight: Path, tmp_path: Path) -> Path:
-    """A copy of the delivery, to be changed."""
+    """A copy, to be changed: what a test's own run does not change is not computed again."""
     return Path(shutil.copytree(flight, tmp_path / "project"))
 
 
