@@ -244,7 +244,7 @@ def _check_points(material: Material) -> Iterator[Cause]:
     if any(finding.quantity not in _SINGLE for finding in findings):
         return
     moved_by = sum(_moved_by_at_most(material, finding) for finding in findings)
-    table = material.differences(is_check=True).copy()
+    table = material.differences(is_check=True)
     common = _common_shift(material, table)
     tests = int(table[[f"{axis}_ratio" for axis in AXES]].notna().to_numpy().sum())
     limit = special.ndtri(1.0 - 0.5 * _ERROR_PROBABILITY / max(tests, 1)) + moved_by
@@ -255,20 +255,22 @@ def _check_points(material: Material) -> Iterator[Cause]:
             "datum, height system and survey of the check points against those of control and GNSS."
         )
         yield Cause("the check points", sentence)
-    for axis in AXES:
-        sigma = table[f"sigma_{axis}_m"].where(table[f"sigma_{axis}_m"] > 0.0)
-        table[f"{axis}_own"] = (table[f"{axis}_m"] - common.get(axis, 0.0)).abs() / sigma
-    table["own"] = table[[f"{axis}_own" for axis in AXES]].max(axis=1)
-    for row in table[table["own"] > limit].sort_values("own", ascending=False).to_dict("records"):
+    d, sigma = (table[[p.format(axis) for axis in AXES]].to_numpy(np.float64) for p in ("{}_m", "sigma_{}_m"))
+    own = np.abs(d - [common.get(axis, 0.0) for axis in AXES])
+    own = np.divide(own, sigma, out=np.full(own.shape, np.nan), where=sigma > 0.0)
+    largest = np.fmax.reduce(own, axis=1)
+    far = np.flatnonzero(largest > limit)
+    for k in far[np.argsort(-largest[far], kind="stable")].tolist():
         size = ", ".join(
-            f"{axis} {_signed(row[f'{axis}_m'], '.3f')} m" for axis in AXES if row[f"{axis}_own"] > limit
+            f"{axis} {_signed(d[k, i], '.3f')} m" for i, axis in enumerate(AXES) if own[k, i] > limit
         )
         rest = " in addition to what all have in common" if common else ""
         sentence = (
-            f"Computed − given {size}, {row['own']:.1f} times its σ{rest}. Check its coordinates and its "
+            f"Computed − given {size}, {largest[k]:.1f} times its σ{rest}. Check its coordinates and its "
             "measurement in the images."
         )
-        yield Cause(f"check point {row['point']}", sentence, point=str(row["point"]))
+        point = str(table["point"].iloc[k])
+        yield Cause(f"check point {point}", sentence, point=point)
 
 
 def _signed(value: float, form: str) -> str:

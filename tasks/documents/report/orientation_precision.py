@@ -140,9 +140,8 @@ def _places(count: int) -> Ints:
 
 def _binned(values: Floats, place: Ints) -> tuple[Floats, Floats]:
     """Middle number and largest value of the images at each place."""
-    table = pd.DataFrame({"place": place, "number": np.arange(len(values)), "value": values})
-    grouped = table.groupby("place").agg({"number": "mean", "value": "max"})
-    return grouped["number"].to_numpy(np.float64), grouped["value"].to_numpy(np.float64)
+    _, first, count = np.unique(place, return_index=True, return_counts=True)
+    return first + 0.5 * (count - 1), np.fmax.reduceat(values, first) if len(first) else values
 
 
 def _starts(images: pd.DataFrame) -> Ints:

@@ -74,10 +74,15 @@ def statistics(material: Material) -> Table:
         table = table if is_check else table[table["status"] == "used"]
         if len(table) == 0:
             continue
+        known_m, known_gsd = (
+            [_known(table[f"{prefix}{axis}_{unit}"]) for axis in AXES] for unit in ("m", "gsd")
+        )
+        counted = numbers((float(len(values)) for values in known_m), 0)
         for name, words, figure in _FIGURES:
-            metres = [_of(table[f"{prefix}{axis}_m"], figure) for axis in AXES]
-            in_gsd = [_of(table[f"{prefix}{axis}_gsd"], figure) for axis in AXES]
-            counted = numbers((float(table[f"{prefix}{axis}_m"].notna().sum()) for axis in AXES), 0)
+            metres, in_gsd = (
+                [figure(values) if len(values) else None for values in known]
+                for known in (known_m, known_gsd)
+            )
             plus = name == "mean"
             cells = (*numbers(metres, 3, plus=plus), *numbers(in_gsd, 2, plus=plus), *counted)
             rows.append(Row(f"{key}:{name}", (f"{kind}, {words}", *cells)))
@@ -158,9 +163,9 @@ def _folds(material: Material) -> str:
     )
 
 
-def _of(values: pd.Series, figure: Callable[[Floats], float]) -> float | None:
-    known = values.dropna().to_numpy(np.float64)
-    return figure(known) if len(known) else None
+def _known(values: pd.Series) -> Floats:
+    every = values.to_numpy(np.float64)
+    return np.asarray(every[~np.isnan(every)])
 
 
 def _rms(values: Floats) -> float:

@@ -72,15 +72,18 @@ def residuals_by_image(material: Material) -> pd.DataFrame:
     table = material.oriented[["image", "strip"]].merge(of_rays, on="image", how="left")
     table["points"] = table["points"].fillna(0).astype(int)
     table["rejected"] = table["image"].map(rejected.value_counts()).fillna(0).astype(int)
-    left_out = pd.Series("", index=table.index)
+    images, left_out = pd.Index(table["image"]), [""] * len(table)
     for group, names, words, _, factor, _ in _DIRECT:
-        own = material.residuals[material.residuals["group"] == group]
-        for name in names:
-            values = own[own["component"] == name].set_index("image")["residual"] * factor
-            table[f"{words.lower()}_{name}"] = table["image"].map(values)
-        out = table["image"].isin(own.loc[own["status"] == "rejected", "image"])
-        left_out = left_out.where(~out, left_out + " " + words)
-    table["left_out"] = left_out.str.strip()
+        own = every[every["group"] == group]
+        row = images.get_indexer(pd.Index(own["image"]))
+        column = pd.Index(names).get_indexer(pd.Index(own["component"]))
+        of_image = (row >= 0) & (column >= 0)
+        values = np.full((len(table), len(names)), np.nan)
+        values[row[of_image], column[of_image]] = own["residual"].to_numpy(np.float64)[of_image] * factor
+        table[[f"{words.lower()}_{name}" for name in names]] = values
+        for k in np.unique(row[(own["status"] == "rejected").to_numpy() & (row >= 0)]).tolist():
+            left_out[k] = f"{left_out[k]} {words}".strip()
+    table["left_out"] = left_out
     return table
 
 
