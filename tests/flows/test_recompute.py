@@ -105,6 +105,8 @@ def test_moving_the_delivery_repeats_nothing(warm_block: Path, tmp_path: Path) -
     assert computed(moved / "project.toml") == []
 
 
+# Daily: what each stage reaches; in the tests of the store, that the same output repeats nothing behind it.
+@pytest.mark.slow
 def test_a_source_file_of_the_adjustment_repeats_only_what_reaches_it(warm_block: Path, tree: Path) -> None:
     with (tree / "adjust" / "data_snooping.py").open("a") as stream:
         stream.write("# a remark in the rejection\n")
