@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -164,6 +165,7 @@ def test_a_folder_of_this_machine_is_no_address_and_not_blank(
 
 def test_results_between_delivered_files_get_a_remark_and_replace_none(warm_block: Path) -> None:
     folder = warm_block.parent
+    shutil.copytree(folder / "results" / ".store", folder / ".store")
     done = aerocal("run", warm_block, "--out", folder)
     assert done.returncode == 0, done.stderr
     remark = "is one of the delivery (control.csv, exposures.csv, image_points.csv, …)"
