@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -39,16 +40,25 @@ def console(tmp_path: Path) -> Console:
     return Console(str(tmp_path / "data" / "registry.sqlite"))
 
 
-@pytest.fixture
-def filled(console: Console) -> Console:
-    """A superseded calibration, an approved one, a refused draft, and a camera head of the same body."""
-    registry = Registry.at(registry_address(console.registry))
+@pytest.fixture(scope="module")
+def four_calibrations(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of a registry, to be copied."""
+    file = tmp_path_factory.mktemp("filled") / "registry.sqlite"
+    registry = Registry.at(registry_address(str(file)))
     head = CameraIdentity(body="UC-E-1", product="camera_head")
     refused = record(changed(85), verdict="refused", reasons=("One flying height only.",))
     for item in (record(), record(changed(1)), refused, record(name="H", identity=head)):
         add(registry, item)
     approve(registry, 1, date(2024, 3, 1))
     approve(registry, 2, date(2024, 9, 1))
+    return file
+
+
+@pytest.fixture
+def filled(console: Console, four_calibrations: Path) -> Console:
+    """A superseded calibration, an approved one, a refused draft, and a camera head of the same body."""
+    Path(console.registry).parent.mkdir()
+    shutil.copy(four_calibrations, console.registry)
     return console
 
 
