@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import sqlite3
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -140,9 +141,10 @@ def test_the_page_lists_what_the_tables_do(results: Path) -> None:
     assert "RowStart" in page
 
 
-def test_a_series_without_dark_images_is_refused(tmp_path: Path) -> None:
-    project = write_sensor(tmp_path)
-    project.write_text(project.read_text().replace('dark = "dark.tif"\n', ""))
+def test_a_series_without_dark_images_is_refused(results: Path, tmp_path: Path) -> None:
+    images, project = results.parent, tmp_path / "sensor.toml"
+    text = (images / "sensor.toml").read_text().replace('dark = "dark.tif"\n', "")
+    project.write_text(re.sub(r'"(\w+\.tif)"', lambda name: f'"{images / name[1]}"', text))
     outcome = aerocal("image-quality", project)
     assert outcome.returncode == 2
     assert "Also name dark images" in outcome.stderr
@@ -173,10 +175,18 @@ def drift_of(sensor: Sensor, earlier: Path, folder: Path) -> pd.DataFrame:
     return pd.read_parquet(folder / "out" / "quality_drift.parquet").set_index(["band", "quantity"])
 
 
-def test_a_sensor_that_has_aged_has_drifted(results: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def aged(results: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of the sensor with less sensitivity, more noise and more defects, against those before."""
     # At most 12 in a column, or it would be a defect column.
     spots = tuple((30 + 20 * k, 400 + 10 * (k % 2)) for k in range(15))
-    drift = drift_of(Sensor(18, 0.97, 26.0, spots), results, tmp_path)
+    folder = tmp_path_factory.mktemp("aged")
+    drift_of(Sensor(18, 0.97, 26.0, spots), results, folder)
+    return folder / "out"
+
+
+def test_a_sensor_that_has_aged_has_drifted(aged: Path) -> None:
+    drift = pd.read_parquet(aged / "quality_drift.parquet").set_index(["band", "quantity"])
     for band in (1, 2):
         sensitivity, read = drift.loc[(band, "sensitivity")], drift.loc[(band, "read_noise")]
         assert sensitivity["drifted"]
@@ -187,10 +197,10 @@ def test_a_sensor_that_has_aged_has_drifted(results: Path, tmp_path: Path) -> No
     assert (pixels["earlier"], pixels["value"], pixels["drifted"]) == (3, 18, True)
     assert pixels["t"] == pytest.approx(np.sqrt(15.0))
     assert not drift.loc[(2, "defect_pixels"), "drifted"]
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = json.loads((aged / "summary.json").read_text())
     assert summary["drift"]["drifted_quantities"] == 5
     assert any("defect pixels of band 1 has changed by +15" in sentence for sentence in summary["problems"])
-    assert "Change of noise, sensitivity and defects" in (tmp_path / "out" / "image_quality.html").read_text()
+    assert "Change of noise, sensitivity and defects" in (aged / "image_quality.html").read_text()
 
 
 def test_a_sensor_as_it_was_has_not_drifted(results: Path, tmp_path: Path) -> None:
@@ -199,7 +209,9 @@ def test_a_sensor_as_it_was_has_not_drifted(results: Path, tmp_path: Path) -> No
     assert not drift["drifted"].any()
 
 
-def test_the_registry_keeps_results_and_says_what_has_changed(results: Path, tmp_path: Path) -> None:
+def test_the_registry_keeps_results_and_says_what_has_changed(
+    results: Path, aged: Path, tmp_path: Path
+) -> None:
     registry = str(tmp_path / "registry.sqlite")
 
     def call(*words: str | Path, code: int = 0) -> str:
@@ -209,9 +221,7 @@ def test_the_registry_keeps_results_and_says_what_has_changed(results: Path, tmp
 
     assert "the first of its camera" in call("add", results, "--by", "ann")
     assert "in the registry already" in call("add", results, "--by", "ann", code=2)
-    write_sensor(tmp_path, Sensor(18, 0.97, 26.0))
-    assert aerocal("image-quality", tmp_path / "sensor.toml", "--out", tmp_path / "out").returncode == 4
-    added = call("add", tmp_path / "out", "--by", "ann")
+    added = call("add", aged, "--by", "ann")
     assert "4 of 10 quantities have changed" in added
     assert "sensitivity of band 1" in added
     assert "read noise of band 2" in added
