@@ -98,7 +98,8 @@ def test_one_record_has_all_heads_with_their_joint_covariance(registered: tuple[
     assert np.linalg.eigvalsh(matrix / np.sqrt(np.outer(*[np.diagonal(matrix)] * 2))).min() > 0.0
 
 
-@pytest.mark.parametrize("use", ["consider", "prior", "held"])
+# Held values without their covariance: tests/flows/test_registered_calibration_use.py.
+@pytest.mark.parametrize("use", ["consider", "prior", pytest.param("held", marks=pytest.mark.slow)])
 def test_a_block_uses_values_and_covariance_of_all_heads(
     use: str,
     flights: tuple[Path, Path],
