@@ -16,7 +16,7 @@ from tasks.simulation.simulate import simulate_project
 from tests.flows.adjustment_alone import adjustment_alone
 
 ARM = (0.8, -0.3, -1.2)
-FLIGHT = ("points.count=400", "points.detection=0.7", f"truth.lever_arm_m={list(ARM)}")
+FLIGHT = ("points.count=250", "points.detection=0.7", f"truth.lever_arm_m={list(ARM)}")
 NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 HELD = 'adjustment.free=["boresight", "gnss_shift"]'
 STATED = f"cameras.UCE-80.lever_arm_m={list(ARM)}"

@@ -8,15 +8,30 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from flows.runs.project_run import RunRequest, carry_out
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
+from tests.flows.adjustment_alone import adjustment_alone
 
 ON_THE_EARTH = ("project.crs=EPSG:25832", "project.latitude_deg=48.9", "project.longitude_deg=8.9")
+ON_A_MAP = ("project.angles=omega-phi-kappa", *ON_THE_EARTH)
+SMALLER = (
+    "flight.0.lines=3", "flight.0.exposures=6", "flight.1.lines=2", "flight.1.exposures=4",
+    "points.count=300",
+)  # fmt: skip
 AXES = ["x_m", "y_m", "z_m"]
 ANGLES = ["omega_deg", "phi_deg", "kappa_deg"]
 
 
 def _adjusted(folder: Path, preset: str, *changes: str) -> None:
-    """Simulate and adjust."""
+    """Simulate and adjust, as the command line does it."""
+    simulate_project(load_simulation(preset, changes), folder)
+    outcome = carry_out(adjustment_alone, RunRequest(folder / "project.toml"))
+    assert outcome.error is None, outcome.error
+
+
+def _adjusted_by_commands(folder: Path, preset: str, *changes: str) -> None:
     overrides = [part for change in changes for part in ("--set", change)]
     done = aerocal("simulate", preset, "--out", folder, *overrides)
     assert done.returncode == 0, done.stderr
@@ -32,17 +47,20 @@ def _differences(folder: Path, table: str, columns: list[str], key: str | list[s
 
 
 @pytest.mark.parametrize(
-    "changes",
+    ("images", "changes"),
     [
-        pytest.param((), id="local", marks=pytest.mark.slow),
-        pytest.param(("project.angles=omega-phi-kappa", *ON_THE_EARTH), id="map"),
+        pytest.param(200, (), id="local", marks=pytest.mark.slow),
+        pytest.param(200, ON_A_MAP, id="map", marks=pytest.mark.slow),
+        pytest.param(26, (*ON_A_MAP, *SMALLER), id="smaller"),
     ],
 )
-def test_the_test_field_without_noise_gives_its_truth_back(tmp_path: Path, changes: tuple[str, ...]) -> None:
+def test_the_test_field_without_noise_gives_its_truth_back(
+    tmp_path: Path, images: int, changes: tuple[str, ...]
+) -> None:
     folder = tmp_path / "exact"
     _adjusted(folder, "uce-low", "noise.level=0", *changes)
     positions = _differences(folder, "exterior_orientations", AXES, "image")
-    assert len(positions) == 200
+    assert len(positions) == images
     assert positions.abs().to_numpy().max() < 1e-6
     angles = np.radians(_differences(folder, "exterior_orientations", ANGLES, "image"))
     assert angles.abs().to_numpy().max() < 1e-9
@@ -62,7 +80,7 @@ def test_estimates_of_a_noisy_block_lie_within_their_standard_deviations(tmp_pat
     assert abs(check.loc["gnss_shift_z", "value"] - 0.286) > 5.0 * check.loc["gnss_shift_z", "sigma"]
 
     folder = tmp_path / "right"
-    _adjusted(folder, "uce-high")
+    _adjusted_by_commands(folder, "uce-high")
     for table, key, columns in (
         ("exterior_orientations", "image", AXES + ANGLES),
         ("object_points", "point", AXES),

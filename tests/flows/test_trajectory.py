@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from flows.runs.project_run import RunRequest, carry_out
 from tests.command_line import aerocal
+from tests.flows.adjustment_alone import adjustment_alone
 
 SPEC = """
 preset = "uce-high"
@@ -70,8 +72,8 @@ def test_it_is_found_by_the_delivered_velocities_where_no_strips_are_known(tmp_p
     events = pd.read_csv(folder / "events.csv")
     # Rows in no order, and nothing to tell the strips by.
     events.drop(columns="strip").sample(frac=1.0, random_state=7).to_csv(folder / "events.csv", index=False)
-    done = aerocal("run", folder / "project.toml", "--server", "none")
-    assert done.returncode == 0, done.stderr
+    outcome = carry_out(adjustment_alone, RunRequest(folder / "project.toml"))
+    assert outcome.error is None, outcome.error
     found = pd.read_parquet(folder / "results" / "parameters.parquet").set_index("parameter")["value"]
     assert abs(found["time_offset"] - 0.003) < 1e-6
     delivered = pd.read_parquet(folder / "results" / "exposures.parquet")

@@ -12,6 +12,7 @@ import rasterio
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
+from tests.flows.adjustment_alone import adjustment_alone
 from tests.flows.conftest import write_block
 
 CELL_M = 50.0
@@ -96,7 +97,7 @@ def test_cells_of_the_area_that_are_not_mapped_count_as_beyond_every_limit(
     corners = [[2 * west - east, south], [east, south], [east, north], [2 * west - east, north]]
     given = SETTINGS.replace("0.001", "1.0") + f"area_m = {corners}\n"
     block.write_text(block.read_text() + given)
-    found = carry_out(aerial_triangulation, RunRequest(block))
+    found = carry_out(adjustment_alone, RunRequest(block))
     assert found.error is None, found.error
     summary = json.loads((found.directory / "summary.json").read_text())
     assert 0.4 < summary["trust_map"]["unmapped"] < 0.7
@@ -114,17 +115,19 @@ def test_cells_of_the_area_that_are_not_mapped_count_as_beyond_every_limit(
     np.testing.assert_allclose(both["sigma_z_m_x"], both["sigma_z_m_y"], rtol=1e-6)
 
 
-def test_an_area_elsewhere_is_an_error(block: Path) -> None:
-    block.write_text(block.read_text() + "[trust_map]\narea_m = [[9e5, 0.0], [9e5, 900.0], [9.1e5, 900.0]]\n")
-    outcome = carry_out(aerial_triangulation, RunRequest(block))
+def test_an_area_elsewhere_is_an_error(warm_block: Path) -> None:
+    warm_block.write_text(
+        warm_block.read_text() + "[trust_map]\narea_m = [[9e5, 0.0], [9e5, 900.0], [9.1e5, 900.0]]\n"
+    )
+    outcome = carry_out(aerial_triangulation, RunRequest(warm_block))
     assert outcome.error is not None
     assert "does not overlap the block" in str(outcome.error)
 
 
-def test_an_area_smaller_than_a_cell_is_an_error_that_says_so(block: Path) -> None:
+def test_an_area_smaller_than_a_cell_is_an_error_that_says_so(warm_block: Path) -> None:
     area = "area_m = [[601, 301], [604, 301], [604, 304], [601, 304]]"
-    block.write_text(block.read_text() + f"[trust_map]\ncell_m = 50.0\n{area}\n")
-    outcome = carry_out(aerial_triangulation, RunRequest(block))
+    warm_block.write_text(warm_block.read_text() + f"[trust_map]\ncell_m = 50.0\n{area}\n")
+    outcome = carry_out(aerial_triangulation, RunRequest(warm_block))
     assert "No cell of 50 m has its middle in the area" in str(outcome.error)
 
 
