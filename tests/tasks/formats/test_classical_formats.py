@@ -483,6 +483,8 @@ def test_check_points_and_heights_that_are_not_known_in_a_gcp_list(file):
     other = text + "1 2 3 4 5 c.tif 2001\n"
     assert "other coordinates in line 3" in refused(opensfm.read_odm_control, file(other)).what
     assert "state a CRS" in refused(opensfm.read_odm_control, file("1 2 3 4 5 a.tif\n")).what
+    error = refused(opensfm.read_odm_control, file("EPSG:25832\n1 2 3 4 5\n"))
+    assert ("no image" in error.what, error.line) == (True, 2)
 
 
 def test_names_with_blanks_of_a_gcp_list_need_tabulators(file):

@@ -41,6 +41,13 @@ def test_rational_polynomials_are_no_heights_of_control(tmp_path: Path) -> None:
     assert found.remark == "rational polynomials of an image: not read"
 
 
+def test_a_note_is_named_as_one(tmp_path: Path) -> None:
+    file = tmp_path / "README.txt"
+    file.write_text("The block was flown in May.\n")
+    found = recognised(file)
+    assert (found.contents, found.remark) == ((), "a note")
+
+
 def test_a_survey_with_numbers_and_labels_is_control(tmp_path: Path) -> None:
     file = tmp_path / "survey.txt"
     file.write_text("Id,label,X,Y,Z\n1001,CP1,0,1,0\n1002,CP2,1,1,0\n")
