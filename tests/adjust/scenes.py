@@ -656,7 +656,7 @@ SOME_FREE: Mapping[str, object] = {
 
 @functools.cache
 def variants() -> Mapping[str, Scene]:
-    """Blocks that differ in everything the equations distinguish, disturbed and noisy; tests only read them."""
+    """Blocks that differ in all that the equations distinguish, disturbed and noisy; tests only read them."""
     seeds = {"noise_seed": 21, "start_seed": 22}
     everything = {"cameras": 2, "flights": 2, "free": ALL_FREE, "priors": {INTERIOR_ORIENTATION: 2e-5}}
     return {

@@ -184,6 +184,23 @@ def test_the_grid_of_the_high_flight_helps_the_low_one() -> None:
     assert further.steps[-1].sigma0 <= corrected.test.sigma0
 
 
+def test_an_iteration_goes_on_from_corrections_of_before(tiles: CameraTest) -> None:
+    one = _iterated(tiles, replace(PLAIN, most_iterations=1))
+    field = one.fields[0]
+    assert field is not None
+    half = replace(field, value=0.5 * field.value)
+    rays = tiles.observations.image_points
+    corrected = _adjusted_with(tiles, half.cells.interpolate(half.value, rays.xy, "bilinear"))
+    rule, cameras = replace(PLAIN, most_iterations=1), tiles.block.camera_of_image
+    further = iterate_grid(tiles.block, corrected, (half.cells,), cameras, rule, start=(half,))
+    assert further.steps[0].sigma0 == pytest.approx(corrected.test.sigma0)
+    assert further.steps[1].sigma0 < 0.95 * further.steps[0].sigma0
+    # A pass finds more than half of what is left of the errors.
+    _, of_one = _recovered(tiles, one)
+    _, of_both = _recovered(tiles, further)
+    assert of_both == pytest.approx(0.5 * of_one + (1.0 - 0.5 * of_one) * of_one, abs=0.1)
+
+
 def _adjusted_with(test: CameraTest, offset: Floats) -> AdjustmentResult:
     rays = replace(test.observations.image_points, offset=offset)
     return adjust_block(test.block, Observations(rays, test.observations.others))
