@@ -15,6 +15,7 @@ from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
 from tests.close_range import CloseRange, close_range
+from tests.grids import diagonal_daily
 
 LENS = FrameCamera("lens", 6000, 4000, 4e-6, 0.024, (5e-5, -3e-5), "corner", 0)
 
@@ -88,8 +89,7 @@ def test_a_resection_leaves_out_what_is_wrong() -> None:
     assert found.projection_centre == pytest.approx(truth.projection_centre[0], abs=1e-3)
 
 
-@pytest.mark.parametrize("relief", [0.0, 0.5], ids=["plane", "with relief"])
-@pytest.mark.parametrize("wrong", [0.0, 0.1], ids=["clean", "a tenth wrong"])
+@pytest.mark.parametrize(("relief", "wrong"), diagonal_daily([0.0, 0.5], [0.1, 0.0]))
 def test_three_control_points_place_what_image_points_have_joined(relief: float, wrong: float) -> None:
     truth = scene(12, 60, relief)
     places = known(truth)
