@@ -47,6 +47,7 @@ class Start:
     states : the state of every run that is not scheduled, on the server, at the end.
     records : the runs as recorded; of the restored server before it was killed.
     files : inode and time of every published file of the first delivery.
+    manifest : of the first delivery; of the restored server before it was delivered again.
     schedules : of the inbox.
     notices : runs whose notices wait.
     found : whether commands take it for a running server.
@@ -60,6 +61,7 @@ class Start:
     states: dict[str, str]
     records: dict[str, RunRecord]
     files: dict[str, tuple[int, int]]
+    manifest: str
     schedules: list[object] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
     found: bool = False
@@ -86,10 +88,13 @@ def delivered(server: Served, number: int) -> list[str]:
 
 def published(folder: Path) -> dict[str, tuple[int, int]]:
     """Inode and time of every published file of the first delivery."""
-    results = folder / "inbox" / "first" / "results"
-    artifacts = json.loads((results / "manifest.json").read_text())["artifacts"]
-    files = [results / entry["file"] for entry in artifacts.values()]
+    artifacts = json.loads(manifest(folder))["artifacts"]
+    files = [folder / "inbox" / "first" / "results" / entry["file"] for entry in artifacts.values()]
     return {file.name: (file.stat().st_ino, file.stat().st_mtime_ns) for file in files}
+
+
+def manifest(folder: Path) -> str:
+    return (folder / "inbox" / "first" / "results" / "manifest.json").read_text()
 
 
 def commands_of_the_page() -> list[str]:
@@ -149,7 +154,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Start:
     notices = [notice.run for notice in Outbox(server.records).waiting()]
     return Start(
         folder, runs, left, code, recorded_states(folder), by_id(server), published(folder),
-        notices=notices, found=find_server(folder / "state") is not None,
+        manifest(folder), notices=notices, found=find_server(folder / "state") is not None,
     )  # fmt: skip
 
 
@@ -163,7 +168,7 @@ def restored(ended: Start) -> Start:
         first, second = delivered(server, 2)
         server.ended(ended.runs["later"])
         time.sleep(5)  # several looks into the inbox
-        records, files = by_id(server), published(folder)
+        records, files, before = by_id(server), published(folder), manifest(folder)
         schedules = server.api.get("/deployments/name/inbox/nightly")["schedules"]
         deliver(folder, "first")
         again = delivered(server, 3)[-1]
@@ -187,7 +192,7 @@ def restored(ended: Start) -> Start:
     runs = {**ended.runs, "first": first, "second": second, "again": again, "begun": begun}
     left = [group for group in groups if alive(group)]
     code = server.process.wait()
-    return Start(folder, runs, left, code, states, records, files, schedules, printed=alone.stderr)
+    return Start(folder, runs, left, code, states, records, files, before, schedules, printed=alone.stderr)
 
 
 @pytest.fixture(scope="module")
@@ -203,8 +208,8 @@ def finished(restored: Start) -> Start:
         server.process.send_signal(signal.SIGINT)
         code = server.process.wait(60)
     left = [group for group in groups if alive(group)]
-    states = recorded_states(folder)
-    return Start(folder, runs, left, code, states, by_id(server), published(folder), schedules)
+    files, last = published(folder), manifest(folder)
+    return Start(folder, runs, left, code, recorded_states(folder), by_id(server), files, last, schedules)
 
 
 def test_a_request_to_end_finishes_the_run_and_leaves_nothing_running(ended: Start) -> None:
@@ -224,7 +229,7 @@ def test_a_restored_server_knows_its_runs_and_processes_nothing_twice(ended: Sta
     assert {runs[name] for name in ("first", "missed", "later", "second")} == set(restored.records)
     assert [restored.records[runs[name]].state for name in ("first", "later", "second")] == ["Completed"] * 3
     assert {run.attempts for run in restored.records.values()} == {1}
-    assert restored.files == ended.files
+    assert (restored.files, restored.manifest) == (ended.files, ended.manifest)
 
 
 def test_a_run_that_was_killed_with_everything_is_finished_after_the_next_start(
