@@ -129,17 +129,21 @@ def test_a_sound_block_has_no_finding_and_a_green_verdict(sound: Path) -> None:
     assert "Look at" not in text
 
 
-def test_the_report_begins_with_what_is_wrong(flight: Path, out: Path) -> None:
+@pytest.mark.parametrize(("kind", "changes"), [("image", {"y": 2.0}), ("strip", {"x": 0.6})])
+def test_the_report_begins_with_what_is_wrong(
+    flight: Path, out: Path, kind: str, changes: dict[str, float]
+) -> None:
     """As the other tests find it without the page."""
-    mistake = with_changes(flight, out, "control.csv", slice(6, 7), {"z": -1.5})
+    exposures = pd.read_csv(flight.parent / "exposures.csv", dtype=str)
+    entity = exposures[kind].unique()[20 if kind == "image" else 1]
+    rows = exposures.index[exposures[kind] == entity]
+    mistake = with_changes(flight, out, "exposures.csv", slice(rows[0], rows[-1] + 1), changes)
     outcome = carry_out(aerial_triangulation, RunRequest(flight, out, (mistake, NOTHING_REJECTED)))
     assert outcome.error is None, outcome.error
-    entity = pd.read_csv(flight.parent / "control.csv", dtype=str).iloc[6, 0]
-    (found,) = findings(outcome.directory)
     tone, text = top_of_report(outcome.directory)
     assert tone == "attention"
-    assert re.findall("Look at ([^.]+)\\.", text) == [f"control point {entity}"]
-    assert str(found["sentence"]) in text
+    assert re.findall("Look at ([^.]+)\\.", text) == [f"{kind} {entity}"]
+    assert all(str(found["sentence"]) in text for found in findings(outcome.directory))
 
 
 @pytest.mark.parametrize(

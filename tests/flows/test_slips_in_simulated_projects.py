@@ -261,9 +261,7 @@ SHIFT_FREE, ALL_HELD, ARM_FREE = '"boresight", "gnss_shift"', '"boresight"', '"b
         pytest.param((-1, -1, -1), ALL_HELD, '"none"', "in all three components", marks=pytest.mark.slow),
         ((-1, -1, -1), ALL_HELD, "{ critical_value = 4.13 }", "in all three components"),
         ((-1, -1, -1), ARM_FREE, '"none"', "in all three components"),
-        pytest.param(
-            (-1, 1, 1), SHIFT_FREE, "{ critical_value = 4.13 }", "along forward", marks=pytest.mark.slow
-        ),
+        ((-1, 1, 1), SHIFT_FREE, "{ critical_value = 4.13 }", "along forward"),
         pytest.param((1, -1, 1), SHIFT_FREE, '"none"', "along right", marks=pytest.mark.slow),
         pytest.param((1, 1, -1), ALL_HELD, '"none"', "along down", marks=pytest.mark.slow),
     ],

@@ -12,7 +12,6 @@ import rasterio
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
-from tests.flows.adjustment_alone import adjustment_alone
 from tests.flows.conftest import write_block
 
 CELL_M = 50.0
@@ -97,7 +96,7 @@ def test_cells_of_the_area_that_are_not_mapped_count_as_beyond_every_limit(
     corners = [[2 * west - east, south], [east, south], [east, north], [2 * west - east, north]]
     given = SETTINGS.replace("0.001", "1.0") + f"area_m = {corners}\n"
     block.write_text(block.read_text() + given)
-    found = carry_out(adjustment_alone, RunRequest(block))
+    found = carry_out(aerial_triangulation, RunRequest(block))
     assert found.error is None, found.error
     summary = json.loads((found.directory / "summary.json").read_text())
     assert 0.4 < summary["trust_map"]["unmapped"] < 0.7

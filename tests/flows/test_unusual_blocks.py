@@ -73,8 +73,6 @@ def test_attitudes_that_were_never_delivered(delivered: Path) -> None:
     assert any("28 exposures have no attitude" in text for text in outcome.summary.problems)
 
 
-# One image among more that lack something: tests/flows/test_unoriented_images.py.
-@pytest.mark.slow
 def test_an_image_without_attitude_alone_in_its_strip_is_oriented_by_its_points(
     delivered: Path,
 ) -> None:
