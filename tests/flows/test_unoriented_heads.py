@@ -30,7 +30,7 @@ def copied(tmp_path: Path) -> Copy:
 @pytest.fixture(scope="module")
 def penta(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fifteen exposures of a nadir head and four that are tilted by 45°."""
-    changes = ("flight.lines=3", "flight.exposures=5", "points.count=300", *PLACE)
+    changes = ("flight.lines=3", "flight.exposures=5", "points.count=500", *PLACE)
     folder = tmp_path_factory.mktemp("penta")
     simulate_project(load_simulation("penta", changes, 2), folder)
     return folder
@@ -39,7 +39,7 @@ def penta(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def dmc(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fifteen exposures of four heads; the platform takes no pictures and is mounted otherwise."""
-    changes = ("flight.lines=3", "flight.exposures=5", "points.count=300", "project.angles=omega-phi-kappa")
+    changes = ("flight.lines=3", "flight.exposures=5", "points.count=450", "project.angles=omega-phi-kappa")
     folder = tmp_path_factory.mktemp("dmc")
     simulate_project(load_simulation("dmc-heads", (*changes, *PLACE)), folder)
     return folder

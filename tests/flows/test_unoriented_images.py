@@ -31,7 +31,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """28 images in crossing strips, 84 control points, in a map projection."""
     folder = tmp_path_factory.mktemp("flight")
     place = ("project.crs=EPSG:25832", "project.latitude_deg=48.9", "project.longitude_deg=8.9")
-    simulate_project(load_simulation("uce-high", ("points.count=350", *place)), folder)
+    simulate_project(load_simulation("uce-high", ("points.count=600", *place)), folder)
     return folder
 
 
