@@ -48,7 +48,7 @@ service-deps:
 # Files and folders that mark service tests; three workers would load all other tests for nothing. Those that take
 # longest come first: no worker is left alone with one at the end.
 MARKED = $(sort $(patsubst %/conftest.py,%,$(shell grep -rl --include='*.py' 'mark\.service' tests)))
-LONGEST = $(addprefix tests/service/test_,serve.py serve_ends.py interrupted_runs.py browser.py deploy.py)
+LONGEST = $(addprefix tests/service/test_,serve.py serve_ends.py deploy.py interrupted_runs.py browser.py)
 SERVICE_TESTS = $(LONGEST) $(filter-out $(LONGEST),$(MARKED))
 
 # A missing service is a failure here, never a skip. In the order of a file: its tests share a server.
