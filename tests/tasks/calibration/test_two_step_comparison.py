@@ -84,13 +84,9 @@ def test_few_strips_count_with_students_quantile() -> None:
     assert found.parameters[0].two_step_sigma == 0.4
 
 
-@pytest.mark.parametrize("trials", [100, pytest.param(1_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("trials", [300, pytest.param(1_000, marks=pytest.mark.slow)])
 def test_false_alarms_come_as_often_as_stated_where_the_two_are_independent(trials: int) -> None:
-    """At any level: all probabilities are as often below it as it says.
-
-    A hundred trials show that the covariance of one of the two is missing; a part of it, as its correlation,
-    is missed in the closed form above.
-    """
+    """At any level: all probabilities are as often below it as it says."""
     random, probabilities = np.random.default_rng(3), list[float]()
     covariance = np.array([[0.09, 0.06], [0.06, 0.16]])
     for _ in range(trials):
