@@ -37,7 +37,7 @@ MANUAL = "aerial-triangulation/manual"
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("serve")
-    write_stored_block(folder / "root" / "block", "strict", "suspended", "cleaned")
+    write_stored_block(folder / "root" / "block", "strict", "cleaned")
     store_stages(folder / "hand")
     calibrations = folder / "root" / "registry.sqlite"
     registry = Registry.at(registry_address(str(calibrations)))
