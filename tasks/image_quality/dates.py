@@ -178,7 +178,7 @@ def _defects(
     """Defects that are new and those that are gone."""
     for band in bands:
         here, there = (
-            set(map(tuple, table.loc[table["band"] == band, places].to_numpy().tolist()))
+            set(table.loc[table["band"] == band, places].itertuples(index=False, name=None))
             for table in (now, then)
         )
         changed = len(here - there) + len(there - here)

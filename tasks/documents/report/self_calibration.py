@@ -22,8 +22,8 @@ def offered_table(material: Material) -> Table:
     name, caption = "self-calibration", "Additional parameters"
     if table.empty:
         return table_of(name, caption, _offered(""), (), "")
-    keys = table["entity"] + "@" + table["parameter"]
-    ordered = table.loc[sorted(table.index, key=lambda row: natural_key(keys[row]))]
+    keys = (table["entity"] + "@" + table["parameter"]).tolist()
+    ordered = table.iloc[sorted(range(len(keys)), key=lambda row: natural_key(keys[row]))]
     listed = ordered.head(MOST_ROWS)
     note = omitted(listed, ordered, "self_calibration.parquet")
     level = common_level(table["reason"].tolist())
