@@ -12,14 +12,13 @@ import pytest
 from scipy import stats
 
 from adjust.geometry import rotation
-from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.system_calibration import system_calibration
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
 from tests.close_range import FOCAL_LENGTH_MM, K1, PRINCIPAL_POINT_MM, CloseRange, close_range, write_project
 from tests.flows.adjustment_alone import adjustment_alone
-from tests.flows.calibration_alone import calibration_alone
 
 POSITIONS = ["x", "y", "z"]
 ANGLES = ["heading", "pitch", "roll"]
@@ -207,20 +206,16 @@ def normalized(truth: CloseRange, outcome: RunOutcome) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    ("relief", "story"),
-    [
-        pytest.param(0.0, calibration_alone, id="plane"),
-        pytest.param(0.4, system_calibration, id="with relief", marks=pytest.mark.slow),
-    ],
+    "relief", [pytest.param(0.0, id="plane"), pytest.param(0.4, id="with relief", marks=pytest.mark.slow)]
 )
 def test_sixty_images_of_a_test_field_calibrate_a_camera_of_which_c_alone_is_roughly_known(
-    relief: float, story: Story, tmp_path: Path
+    relief: float, tmp_path: Path
 ) -> None:
     """Convergent, turned by 90°, distorted; c is 0.3 mm off, and there are control points."""
     generator = np.random.default_rng(13)
     truth = close_range(60, 80, relief, generator)
     write_project(tmp_path, truth, 3e-6, generator)
-    outcome = carry_out(story, RunRequest(tmp_path / "project.toml"))
+    outcome = carry_out(system_calibration, RunRequest(tmp_path / "project.toml"))
     assert outcome.error is None, outcome.error
     assert outcome.summary.counts.images == 60
     error = normalized(truth, outcome)
