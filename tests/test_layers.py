@@ -15,7 +15,9 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 #: The flows and what serves them.
-WITH_PREFECT = {"flows/serving/registered.py", "flows/serving/deployed.py", "flows/serving/deployments.py"}
+WITH_PREFECT = {
+    f"flows/serving/{name}.py" for name in ("registered", "deployed", "deployments", "fork", "preload")
+}
 
 
 def test_imports_point_downwards_only() -> None:

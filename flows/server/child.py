@@ -1,9 +1,9 @@
 """A child process of ``aerocal serve``: restarted when it ends, and ended with its parent.
 
 It fills the gap that one command on one machine leaves where neither systemd nor a container engine looks
-after each process. Run as a program (``python -m flows.server.child HANDLE MODULE ARGUMENT …``) it carries
-out a module and sends itself SIGTERM when the other end of the pipe HANDLE is closed: when the parent is
-killed, the runner still drains, and the server, which the runner holds as well, ends after it.
+after each process. Run as a program (``python -m flows.server.child HANDLE MODULE``) it carries out a module
+and sends itself SIGTERM when the other end of the pipe HANDLE is closed: when the parent is killed, the
+runner still drains, and the server, which the runner holds as well, ends after it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import os
-import runpy
 import shutil
 import signal
 import subprocess
@@ -20,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from types import FrameType
 
@@ -28,6 +28,8 @@ from tasks.patience import Patience
 
 #: A log that is larger, bytes, is started again; the old one is kept once.
 _LOG_BYTES = 20_000_000
+#: How long processes that have been killed may be seen, s.
+_REMOVED_S = 2.0
 
 
 class Lifeline:
@@ -51,7 +53,7 @@ class Child:
 
     Parameters
     ----------
-    module, arguments : what it carries out.
+    module : its `main` is carried out.
     environment : all its variables.
     log : file that its output is appended to.
     lifeline : what it lives on.
@@ -61,7 +63,6 @@ class Child:
     def __init__(
         self,
         module: str,
-        *arguments: str,
         environment: Mapping[str, str],
         log: Path,
         lifeline: Lifeline,
@@ -69,7 +70,7 @@ class Child:
     ) -> None:
         handed_on = (lifeline.reading, *(other.held for other in holds))
         # Neither the folder we were started in nor any other a delivery lies in holds our modules.
-        command = [sys.executable, "-P", "-m", __name__, str(lifeline.reading), module, *arguments]
+        command = [sys.executable, "-P", "-m", __name__, str(lifeline.reading), module]
         log.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with log.open("ab") as stream:
             self.process = subprocess.Popen(
@@ -108,6 +109,10 @@ class Child:
         self.wait(grace_s)
         self._signal_group(signal.SIGKILL)
         self.process.wait()
+        # What it has started belongs to the system now, which removes it after a moment.
+        until = time.monotonic() + _REMOVED_S
+        while self._signal_group(0) and time.monotonic() < until:
+            time.sleep(0.02)
 
     def begin_log_anew(self) -> None:
         """Rename a log that has grown large, and continue in an empty one.
@@ -125,9 +130,12 @@ class Child:
         lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
         return "\n".join(lines[-number:])
 
-    def _signal_group(self, which: signal.Signals) -> None:
+    def _signal_group(self, which: int) -> bool:
+        """Send a signal to it and all it has started; returns whether there is anything left."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.process.pid, which)
+            return True
+        return False
 
 
 def _end_when_released(handle: int) -> None:
@@ -136,19 +144,17 @@ def _end_when_released(handle: int) -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def main(arguments: list[str]) -> None:
+def main(handle: int, module: str) -> None:
     """Carry out a module in this process, bound to a pipe."""
-    handle, module, *rest = arguments
-    os.set_inheritable(int(handle), False)
-    threading.Thread(target=_end_when_released, args=(int(handle),), daemon=True).start()
+    os.set_inheritable(handle, False)
+    threading.Thread(target=_end_when_released, args=(handle,), daemon=True).start()
     # Prefect makes hundreds of thousands of objects when it is loaded, and all of them stay.
     gc.set_threshold(50_000)
-    sys.argv = [module, *rest]
-    runpy.run_module(module, run_name="__main__", alter_sys=True)
+    import_module(module).main()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(int(sys.argv[1]), sys.argv[2])
 
 
 #: What a child gets to end once nothing runs any more, s.

@@ -6,8 +6,6 @@ Prefect when imported, as the flows it serves do.
 
 import asyncio
 import logging
-import shlex
-import sys
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial, wraps
@@ -17,9 +15,9 @@ import httpx
 
 from flows.server.api import Api
 from flows.server.inbox import MANUAL, ON_DELIVERY
-from flows.server.prefect_settings import HEARTBEAT_S
 from flows.server.settings import Settings, settings_of_runner
 from flows.serving.deployed import STORIES, clean_up, inbox, recalibration_due
+from flows.serving.fork import ForkingStarter
 
 from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
 from prefect import Flow  # isort: skip
@@ -27,7 +25,6 @@ from prefect.client.schemas.objects import FlowRun  # isort: skip
 from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterTags  # isort: skip
 from prefect.deployments.runner import RunnerDeployment  # isort: skip
 from prefect.runner import Runner  # isort: skip
-from prefect.runner._starter_engine import EngineCommandStarter  # isort: skip
 from prefect.schedules import Cron  # isort: skip
 from prefect.types.entrypoint import EntrypointType  # isort: skip
 from prefect.utilities.callables import ParameterSchema  # isort: skip
@@ -60,7 +57,9 @@ class DrainingRunner(Runner):
     async def __aenter__(self) -> "DrainingRunner":
         """Begin; requests are repeated from now on."""
         await super().__aenter__()
-        vars(self._scheduled_run_poller)["_resolve_starter"] = self._starter
+        # Every run starts our program, whatever pull steps and entry point the server has for it.
+        starter = ForkingStarter(self._tmp_dir, self._control_channel)
+        vars(self._scheduled_run_poller)["_resolve_starter"] = lambda _run: starter
         assert self._hook_runner is not None
         self._hook_runner._resolve_flow = _flow_of_ours
         for asking, question in (
@@ -69,16 +68,6 @@ class DrainingRunner(Runner):
         ):
             vars(asking)[question] = _patient(getattr(asking, question))
         return self
-
-    def _starter(self, _run: FlowRun) -> EngineCommandStarter:
-        """The starter of a run: our program, whatever pull steps and entry point the server has for it."""
-        return EngineCommandStarter(
-            command=shlex.join([sys.executable, "-P", "-m", "flows.serving.engine"]),
-            tmp_dir=self._tmp_dir,
-            cwd=self._tmp_dir,
-            heartbeat_seconds=HEARTBEAT_S,
-            control_channel=self._control_channel,
-        )
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
         """Stop looking for runs; the context of the runner then waits for those that have started."""
@@ -217,7 +206,3 @@ async def _rest(client: PrefectClient, registered: set[Any], unscheduled: Sequen
 
 def _ours() -> DeploymentFilter:
     return DeploymentFilter(tags=DeploymentFilterTags(all_=[TAG]))
-
-
-if __name__ == "__main__":
-    main()

@@ -113,6 +113,11 @@ def _files(folder: Path | str) -> Iterator[tuple[str, os.stat_result]]:
                 yield entry.path, entry.stat()
 
 
+def listing_of_sources() -> str:
+    """Digest of what the system says of all files of this application; none of them is read."""
+    return _Listing.now().digest
+
+
 # Kept for the life of the process, as the digests themselves are.
 @cache
 def _known(start: Path) -> str:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import psutil
 from playwright.sync_api import Page
 
 from flows.server.api import Api
@@ -185,11 +186,13 @@ def alive(group: int) -> bool:
     return True
 
 
-def engines_of(group: int) -> list[int]:
-    """The processes of a group that carry out runs."""
-    listed = subprocess.run(["ps", "-eo", "pid,pgid,args"], capture_output=True, text=True, check=True).stdout
-    parts = [line.split(None, 2) for line in listed.splitlines()[1:]]
-    return [int(pid) for pid, of, args in parts if int(of) == group and "flows.serving.engine" in args]
+def engines_of(runner: int) -> list[int]:
+    """The processes that carry out the runs of a runner: those that its fork server has forked."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        for process in psutil.Process(runner).children():
+            if "flows.serving.preload" in " ".join(process.cmdline()):
+                return [child.pid for child in process.children()]
+    return []
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from flows.server.api import AUTOMATION
@@ -58,6 +59,16 @@ def test_a_killed_engine_is_followed_by_another_that_takes_up_its_run(server: Se
     until(lambda: recorded(server, run).state == "Completed", 120)
     until(lambda: server.run(run)["state_name"] == "Completed", 30)
     assert computed_once(results)
+
+
+def test_a_killed_fork_server_is_followed_by_another(server: Served) -> None:
+    missing = {"project": "missing"}
+    assert server.ended(server.start(MANUAL, missing))["state_name"] == "InputError"
+    runner = psutil.Process(server.group_of("flows.serving.deployments"))
+    (loaded,) = (one for one in runner.children() if "flows.serving.preload" in " ".join(one.cmdline()))
+    loaded.kill()
+    run = server.ended(server.start(MANUAL, missing))
+    assert (run["state_name"], run["run_count"]) == ("InputError", 1)
 
 
 def test_a_killed_runner_is_started_again_and_its_runs_are_taken_up(server: Served) -> None:

@@ -25,7 +25,7 @@ from tasks.registry.registry import Registry
 from tasks.settings.registry import registry_address
 from tasks.store.run_lock import run_lock
 from tests.flows.conftest import write_block
-from tests.service.served import Served, served, until
+from tests.service.served import Served, engines_of, served, until
 from tests.service.stored_block import store_stages, write_stored_block
 from tests.tasks.registry.records import add, approve, record
 
@@ -147,21 +147,15 @@ def test_a_delivery_is_begun_when_it_is_complete_and_only_once(server: Served) -
 
 
 def test_a_cancelled_run_ends_with_its_process(server: Served) -> None:
-    def engines() -> list[str]:
-        listed = subprocess.run(["ps", "-eo", "pgid,args"], capture_output=True, text=True, check=True).stdout
-        ours = [line.split(None, 1) for line in listed.splitlines()[1:]]
-        return [
-            args for group, args in ours if int(group) in server.groups() and "flows.serving.engine" in args
-        ]
-
+    runner = server.group_of("flows.serving.deployments")
     with run_lock(server.folder / "root" / "block" / "cancelled"):
         run = server.start(MANUAL, {"project": "block", "output": "cancelled"})
         server.in_state(run, "RUNNING")
-        assert engines()
+        assert engines_of(runner)
         state = {"type": "CANCELLING", "name": "Cancelling"}
         server.api.post(f"/flow_runs/{run}/set_state", {"state": state})
         assert server.ended(run)["state_name"] == "Cancelled"
-        until(lambda: not engines(), 30)
+        until(lambda: not engines_of(runner), 30)
         # The run could not note it any more; the server's watch does.
         until(lambda: (found := server.records.run(run)) is not None and found.state == "Cancelled", 30)
 

@@ -12,10 +12,12 @@ from flows.server import child
 from flows.server.child import Child, Lifeline
 
 _TALKER = """
-import sys, time
-while True:
-    print("x" * 99, flush=True)
-    time.sleep(0.005)
+import time
+
+def main():
+    while True:
+        print("x" * 99, flush=True)
+        time.sleep(0.005)
 """
 
 
