@@ -81,7 +81,7 @@ STEPS = {
     # What a run imports that finds everything stored: the command, the settings, the story with its stages.
     "reuse": (
         ["flows.command.execution", "flows.stories.aerial_triangulation"],
-        {"numba", "pandas", "scipy"},
+        {"numba", "pandas", "pyarrow.compute", "scipy"},
     ),
     "adjustment": (
         [

@@ -10,7 +10,6 @@ from rich.table import Table
 from rich.text import Text
 
 from flows.command.calibration_table import calibration_table, parameters_beside_limits, written
-from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.screen_table import facts_table, figure, screen, screen_table
 from flows.runs.project_run import RunOutcome
 from tasks.quantities import shown
@@ -75,11 +74,16 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     parts += [_figures(summary)] if adjusted or (checked is None and second_step is None) else []
     parts += [] if second_step is None else [two_step_table(second_step)]
     parts += [] if calibration is None else [Text(), calibration_table(summary, calibration)]
-    parts += [] if checked is None else [Text(), georeferencing_table(checked)]
+    reports = ["report.html"] * (adjusted or checked is None)
+    if checked is not None:
+        # The models of its figures take long to load.
+        from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
+
+        parts += [Text(), georeferencing_table(checked)]
+        reports.append(CHECK_PAGE)
     estimated = any(item.sigma is not None for item in summary.parameters or ())
     parts += [Text(), _parameters(summary)] if estimated and calibration is None else []
     parts += [Text(), _gates(summary)] if summary.gates else []
-    reports = ["report.html"] * (adjusted or checked is None) + [CHECK_PAGE] * (checked is not None)
     parts.append(Text("\n" + "\n".join(f"Report: {outcome.directory / name}" for name in reports)))
     sentences = where_results_are(outcome, "Tables, summary.json and manifest.json")
     parts += [Text(sentence) for sentence in sentences]

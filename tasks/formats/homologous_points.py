@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from adjust.arrays import Floats
@@ -89,6 +88,8 @@ def named(number: NDArray[np.integer[Any]], names: pa.Array) -> pa.DictionaryArr
 
 def tie_names(track: NDArray[np.int64]) -> pa.DictionaryArray:
     """Names of tie points (n,) by their numbers, all of them from 1 on."""
+    import pyarrow.compute as pc
+
     numbers = pa.array(np.arange(1, track.max(initial=0) + 1)).cast(pa.string())
     return pa.DictionaryArray.from_arrays(
         (track - 1).astype(np.int32), pc.binary_join_element_wise("tie", numbers, "")

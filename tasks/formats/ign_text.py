@@ -27,7 +27,6 @@ from typing import Literal
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from tasks.errors import Location
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, ImagePointRecords
@@ -89,6 +88,8 @@ def read_ign_app(path: Path) -> ControlRecords:
 
 
 def _code_remark(path: Path, table: TextTable) -> tuple[str, ...]:
+    import pyarrow.compute as pc
+
     other = pc.fill_null(pc.not_equal(table.text("code"), _FULL_CONTROL), fill_value=True)
     count = pc.sum(other).as_py()
     if not count:
@@ -147,6 +148,7 @@ def read_ign_opk(path: Path, order: AngleOrder) -> ExposureRecords:
 def _flight_and_strip(image: pa.Array) -> tuple[pa.Array, pa.Array]:
     """Flight and strip in names like ``21FD244720x00015_00614``; null where the name has another form."""
     import pandas as pd
+    import pyarrow.compute as pc
 
     encoded = image.dictionary_encode()
     parts = pd.Series(encoded.dictionary.to_pylist(), dtype="str").str.extract(_IMAGE_NAME)

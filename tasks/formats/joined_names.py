@@ -12,7 +12,6 @@ from typing import TypeAlias, TypeVar
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
@@ -52,6 +51,8 @@ def joined_names(parts: list[pa.DictionaryArray]) -> pa.DictionaryArray:
         dealt.append(names_of_shares)
         # Until a name has its number, that of its share is there, below zero.
         number_of.append(-1 - share)
+    import pyarrow.compute as pc
+
     names = _numbered(dealt, number_of)
     joined = np.empty(sum(map(len, indices)), dtype=np.int32)
     missing = np.zeros(len(joined), dtype=bool) if any(own.null_count for own in indices) else None
@@ -129,6 +130,8 @@ def _numbered(dealt: list[list[pa.StringArray | None]], number_of: list[_Codes])
     InputError
         As of :func:`joined_names`.
     """
+    import pyarrow.compute as pc
+
     count = sum(map(len, number_of))
     size = sum(int(pc.sum(pc.binary_length(names)).as_py() or 0) for part in dealt for names in part)
     # What is not written into takes no memory.

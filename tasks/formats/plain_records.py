@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from adjust.arrays import Bools, Floats
@@ -267,6 +266,8 @@ def _kept_once(
 ) -> pa.DictionaryArray:
     if not isinstance(names, pa.DictionaryArray):
         return _names(path, names, line).dictionary_encode()
+    import pyarrow.compute as pc
+
     empty = pc.index(names.dictionary, "").as_py()
     found = first_trouble(names.dictionary) if empty < 0 else (empty, _trouble(""))
     if found is not None:

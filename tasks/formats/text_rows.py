@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
@@ -169,6 +168,8 @@ def _joined(column: pa.ChunkedArray) -> pa.DictionaryArray:
 
 
 def _without_leading_blanks(texts: pa.DictionaryArray) -> pa.DictionaryArray:
+    import pyarrow.compute as pc
+
     trimmed = pc.utf8_ltrim(texts.dictionary, " \t")
     if trimmed.equals(texts.dictionary):
         return texts

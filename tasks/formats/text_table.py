@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from tasks.errors import InputError, Location
@@ -127,6 +126,8 @@ class TextTable:
         found = first_trouble(column.dictionary)
         if found is not None:
             number, trouble = found
+            import pyarrow.compute as pc
+
             row = pc.index(column.indices, number).as_py()
             raise self._error(row, trouble, f"Give a name of ordinary characters in '{name}'.")
         return column
@@ -202,6 +203,8 @@ class TextTable:
 
 def first_trouble(names: pa.Array) -> tuple[int, str] | None:
     """Number of the first unreadable one of distinct names, and why; None: all are readable."""
+    import pyarrow.compute as pc
+
     for begin in range(0, len(names), _MANY):
         some = names.slice(begin, _MANY)
         # Nearly all are ordinary, which is known for all of them at once.
