@@ -8,8 +8,10 @@ loads them once, when the first run begins. It ends with the runner, and is star
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import multiprocessing
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
     from anyio.abc import TaskStatus
     from prefect.client.schemas.objects import FlowRun
     from prefect.runner._control_channel import ControlChannel
+
+# Option of prctl(2): PR_SET_PDEATHSIG, in linux/prctl.h.
+_SIGNAL_AT_PARENTS_END = 1
 
 
 class ForkingStarter:
@@ -77,6 +82,9 @@ class ForkingStarter:
 
 def _carry_out(variables: Mapping[str, str], folder: Path) -> None:
     """The process of a run; what was changed since it was loaded is loaded again."""
+    # Without the fork server the runner does not know of it any more and starts the run again.
+    if (prctl := getattr(ctypes.CDLL(None), "prctl", None)) is not None:
+        prctl(_SIGNAL_AT_PARENTS_END, signal.SIGKILL)
     os.environ.update(variables)
     os.chdir(folder)
     from flows.serving import engine, preload

@@ -61,14 +61,19 @@ def test_a_killed_engine_is_followed_by_another_that_takes_up_its_run(server: Se
     assert computed_once(results)
 
 
-def test_a_killed_fork_server_is_followed_by_another(server: Served) -> None:
-    missing = {"project": "missing"}
-    assert server.ended(server.start(MANUAL, missing))["state_name"] == "InputError"
+def test_a_killed_fork_server_is_followed_by_another_that_takes_up_its_runs(server: Served) -> None:
+    results = server.folder / "root" / "block" / "fork"
     runner = psutil.Process(server.group_of("flows.serving.deployments"))
-    (loaded,) = (one for one in runner.children() if "flows.serving.preload" in " ".join(one.cmdline()))
-    loaded.kill()
-    run = server.ended(server.start(MANUAL, missing))
-    assert (run["state_name"], run["run_count"]) == ("InputError", 1)
+    with run_lock(results):
+        run = begun(server, "fork")
+        engine = recorded(server, run).process or 0
+        (loaded,) = (one for one in runner.children() if "flows.serving.preload" in " ".join(one.cmdline()))
+        loaded.kill()
+        until(lambda: not Path(f"/proc/{engine}").exists(), 30)
+        until(lambda: recorded(server, run).attempts == 2, 60)
+    until(lambda: recorded(server, run).state == "Completed", 120)
+    until(lambda: server.run(run)["state_name"] == "Completed", 30)
+    assert computed_once(results)
 
 
 def test_a_killed_runner_is_started_again_and_its_runs_are_taken_up(server: Served) -> None:
