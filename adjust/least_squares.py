@@ -15,6 +15,7 @@ from adjust.options import AdjustmentOptions
 from adjust.parameters import State
 from adjust.quality.cofactor import Cofactor, of_other_rays, with_points
 from adjust.quality.considered import considered_errors
+from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.redundancy import GroupResiduals, group_residuals, residuals_of_others
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.gauss_newton import Iteration, Progress, Solution, iterate, single_step
@@ -60,8 +61,14 @@ class Adjusted:
         """Cofactors of all unknowns."""
         if self.known_quality is not None:
             return self.known_quality
-        found = with_points(self.system, self.solution, self.reduced)
-        return replace(found, considered=considered_errors(self.system, self.solution))
+        return replace(with_points(self.system, self.solution, self.reduced), considered=self.considered)
+
+    @cached_property
+    def considered(self) -> ConsideredErrors | None:
+        """Effects of errors of considered parameters; None without any."""
+        if self.known_quality is not None:
+            return self.known_quality.considered
+        return considered_errors(self.system, self.solution)
 
     @cached_property
     def residuals(self) -> tuple[GroupResiduals, ...]:

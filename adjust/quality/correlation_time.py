@@ -123,20 +123,30 @@ def along_derivative(model: StochasticModel, white: Floats) -> Floats:
 
 
 def score(system: System, state: State, quality: Cofactor, group: ObservationGroup) -> float:
-    """Twice the derivative of the restricted log-likelihood by ζ: tr(Q_uu T') − uᵀ T' u."""
+    """Twice the derivative of the restricted log-likelihood by ζ: tr(Q_uu T') − uᵀ T' u.
+
+    Of the residuals, and of Q_uu, what the most probable errors of considered parameters leave.
+    """
     process, neighbours = group.stochastic.over_time, group.stochastic.neighbours
     assert process is not None
     assert neighbours is not None
     before, _, stencil = _derivative(process, neighbours)
     alone = standardize(group, group.linearize(state))
     changed = alone.combined(neighbours, stencil)
-    of_fit = np.sum(alone.misclosure * changed.misclosure)
-    hat = hat_matrices(alone, changed, system.layout, quality)
+    residual, its = -alone.misclosure, -changed.misclosure
+    hat = np.einsum("nii->", hat_matrices(alone, changed, system.layout, quality))
+    if (considered := quality.considered) is not None:
+        moved, moved_its = considered.of_residuals(alone), considered.of_residuals(changed)
+        residual, its = (
+            residual - moved @ considered.most_probable,
+            its - moved_its @ considered.most_probable,
+        )
+        hat += np.sum((moved @ considered.remaining_root) * (moved_its @ considered.remaining_root))
     of_correlations = 2.0 * np.sum(
         np.where(neighbours.taking_part, neighbours.of_before * before / neighbours.free_of_before, 0.0)
     )
-    expected = alone.misclosure.shape[1] * of_correlations - np.einsum("nii->", hat)
-    return float(expected - of_fit)
+    expected = alone.misclosure.shape[1] * of_correlations - hat
+    return float(expected - np.sum(residual * its))
 
 
 def moved(process: GaussMarkov, step: float) -> float:

@@ -13,13 +13,15 @@ than r_g because parts borrow from each other, and
     σ̂_g √(d/χ²_{d, 1−α/2})  …  σ̂_g √(d/χ²_{d, α/2})
 
 is its confidence interval. S is found by probing, see :mod:`adjust.quality.trace_matrix`.
+Errors of considered parameters are no errors of a part: v is what they leave, and Q_vv that of an adjustment
+in which the parameters are observed, so that both estimate the same components.
 A correlation time that is to be estimated is one more part of its group and shares S; see
 :mod:`adjust.quality.correlation_time`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -28,7 +30,10 @@ from scipy import special
 from adjust.arrays import Bools, Floats
 from adjust.least_squares import Adjusted
 from adjust.observations.base import CorrelatedOverTime, ObservationGroup
+from adjust.observations.image_point import ImagePoints
+from adjust.parameters import State
 from adjust.quality import correlation_time
+from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.correlation_time import CorrelationTime
 from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.observation_parts import Part
@@ -43,6 +48,8 @@ LEAST_REDUNDANCY = 10.0
 CONVERGED = 0.01
 # Median of |x| of a standard normal variable.
 _MEDIAN = 0.6745
+# So many image points at a time bound the memory of what is between.
+_AT_ONCE = 65_536
 # Step of log σ that is allowed for one of a correlation time.
 _TOGETHER = 0.5
 
@@ -128,25 +135,57 @@ class PartSums:
         Image points that are one part have what the other groups leave of vᵀPv and of n − u, so nobody
         needs their redundancy numbers.
         """
-        return cls(*np.array([_sums_of_part(adjusted, part) for part in parts]).reshape(-1, 2).T)
+        others = adjusted.residuals_of_others
+        if adjusted.considered is not None:
+            pairs = zip(adjusted.observations.others, others, strict=True)
+            others = tuple(
+                _left_of(group, item, adjusted.state, adjusted.considered) for group, item in pairs
+            )
+        return cls(*np.array([_sums_of_part(adjusted, part, others) for part in parts]).reshape(-1, 2).T)
 
 
-def _sums_of_part(adjusted: Adjusted, part: Part) -> tuple[float, float]:
-    """Ω_g and r_g of one part."""
-    others = adjusted.residuals_of_others
+def _sums_of_part(adjusted: Adjusted, part: Part, others: tuple[GroupResiduals, ...]) -> tuple[float, float]:
+    """Ω_g and r_g of one part, from the residuals of the groups other than image points."""
     if part.group > 0:
         group, item = adjusted.observations.others[part.group - 1], others[part.group - 1]
         squares, redundancy = _component_squares(group, item), item.redundancy * group.stochastic.shares
     elif part.rows is None:
-        squares_of_rays = weighted_squares(adjusted.system, adjusted.state)
-        squares_of_rays -= sum(item.weighted_squares for item in others)
-        left = adjusted.redundancy - sum(float(np.nansum(item.redundancy)) for item in others)
-        return squares_of_rays, left
+        squares_left = weighted_squares(adjusted.system, adjusted.state)
+        left = float(adjusted.redundancy)
+        if adjusted.considered is not None:
+            squares_left, left = adjusted.considered.left(squares_left, left)
+        squares_left -= sum(item.weighted_squares for item in others)
+        return squares_left, left - sum(float(np.nansum(item.redundancy)) for item in others)
     else:
         item = adjusted.residuals[0]
+        if adjusted.considered is not None:
+            rays = adjusted.observations.image_points
+            item = _left_of(rays, item, adjusted.state, adjusted.considered)
         squares = (item.residual * adjusted.observations.image_points.inverse_sigma) ** 2
         redundancy = item.redundancy
     return float(np.nansum(squares[part.place])), float(np.nansum(redundancy[part.place]))
+
+
+def _left_of(
+    group: ObservationGroup, residuals: GroupResiduals, state: State, considered: ConsideredErrors
+) -> GroupResiduals:
+    """What the most probable errors of considered parameters leave of residuals and redundancy numbers."""
+    residual, redundancy = residuals.residual.copy(), residuals.redundancy.copy()
+    rows = len(residual)
+    # Image points are many, and independent of each other; the others may be correlated along their strips.
+    step = _AT_ONCE if isinstance(group, ImagePoints) else max(rows, 1)
+    for first in range(0, rows, step):
+        part = slice(first, first + step)
+        few = group.only(part) if isinstance(group, ImagePoints) else group
+        model = few.stochastic
+        moved = considered.of_residuals(few.linearize(state))
+        moved = np.where(model.present[:, :, None], moved, 0.0)
+        residual[part] -= moved @ considered.most_probable
+        for spread in np.moveaxis(moved @ considered.remaining_root, 2, 0):
+            redundancy[part] -= spread * model.weighted(spread)
+    clean = np.where(group.stochastic.present, np.nan_to_num(residual), 0.0)
+    squares = float(np.sum(group.stochastic.whitened(clean) ** 2))
+    return replace(residuals, residual=residual, redundancy=redundancy, weighted_squares=squares)
 
 
 def variance_factors(sums: PartSums, parts: tuple[Part, ...]) -> Floats:
@@ -286,6 +325,7 @@ def _has_correlation(parts: tuple[Part, ...]) -> bool:
 def _score(adjusted: Adjusted, part: Part) -> float:
     """Score of a correlation time; 0 where it is at a limit that the likelihood would pass."""
     group = adjusted.observations.groups[part.group]
-    uphill = correlation_time.score(adjusted.system, adjusted.state, adjusted.quality_of_others, group)
+    quality = replace(adjusted.quality_of_others, considered=adjusted.considered)
+    uphill = correlation_time.score(adjusted.system, adjusted.state, quality, group)
     process = group.stochastic.over_time
     return 0.0 if process is None or correlation_time.is_stopped(process, uphill) else uphill

@@ -32,8 +32,10 @@ from adjust.quality.control_checks import k_fold, leave_one_out
 from adjust.quality.detectability import NON_CENTRALITY
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.quality.model_alternatives import ParameterAlternative
+from adjust.quality.observation_parts import Division, parts_of
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
 from adjust.quality.robust import scales_of, studentized
+from adjust.quality.variance_components import PartSums
 from adjust.result import ObservationStatus
 from adjust.solve.design_matrix import (
     DesignMatrix,
@@ -188,6 +190,25 @@ def test_the_values_and_redundancy_numbers_are_those_with_the_parameters_held(ca
     for one, other, full in zip(held.residuals, case.adjusted.residuals, numbers, strict=True):
         np.testing.assert_array_equal(one.redundancy, other.redundancy)
         np.testing.assert_allclose(other.redundancy, full, atol=1e-9)
+
+
+def test_variance_components_are_those_of_full_covariances(case: Dense) -> None:
+    """With V = 1 + B C Bᵀ and R = V⁻¹ − V⁻¹A (AᵀV⁻¹A)⁻¹ AᵀV⁻¹, Ω_g is that of R l, and r_g a trace of R."""
+    inverse = np.linalg.inv(np.eye(len(case.l)) + case.b @ case.c @ case.b.T)
+    of_unknowns = inverse @ case.a
+    full = inverse - of_unknowns @ np.linalg.solve(case.a.T @ of_unknowns, of_unknowns.T)
+    squares, trace = (full @ case.l) ** 2, np.diagonal(full)
+    observations = case.adjusted.observations
+    files = np.arange(len(observations.image_points.image), dtype=np.int64) % 2
+    for divisions in ((), (Division("image_points", ("A", "B"), files),)):
+        parts = parts_of(observations, divisions)
+        sums = PartSums.of(case.adjusted, parts)
+        for number, group in enumerate(observations.groups):
+            own = [k for k, part in enumerate(parts) if part.group == number]
+            rows = slice(*case.design.row_start[number : number + 2])
+            used = group.stochastic.present.ravel()
+            assert sums.squares[own].sum() == pytest.approx(squares[rows][used].sum(), rel=1e-6)
+            assert sums.redundancy[own].sum() == pytest.approx(trace[rows][used].sum(), abs=1e-8)
 
 
 def test_standardized_residuals_have_the_variance_of_held_and_considered_together(case: Dense) -> None:

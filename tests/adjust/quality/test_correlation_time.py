@@ -12,11 +12,12 @@ from scipy import optimize
 
 from adjust.adjustment import adjust_block
 from adjust.arrays import Floats
-from adjust.least_squares import Adjusted
-from adjust.observations.base import CorrelatedOverTime
+from adjust.least_squares import Adjusted, Adjuster
+from adjust.observations.base import CorrelatedOverTime, StochasticModel
 from adjust.observations.gauss_markov import GaussMarkov
+from adjust.observations.joint_prior import JointPrior
 from adjust.options import AdjustmentOptions
-from adjust.parameters import BORESIGHT, GNSS_SHIFT, State
+from adjust.parameters import BORESIGHT, GNSS_SHIFT, ConsideredParameters, ParameterPlace, State
 from adjust.quality.cofactor import cofactor
 from adjust.quality.correlation_time import (
     CorrelationTime,
@@ -35,6 +36,7 @@ from adjust.solve.design_matrix import design_matrix, full_cofactor, full_covari
 from adjust.solve.gauss_newton import iterate
 from adjust.solve.system import Observations, System
 from tests.adjust.scenes import (
+    DEGREE,
     Scene,
     two_strips,
     with_correlated_attitudes,
@@ -125,6 +127,38 @@ def test_the_score_is_the_derivative_of_the_restricted_likelihood(rejected: tupl
         found = score(system, solution.state, quality, group)
         # The derivative of −2 log is minus twice that of the logarithm.
         assert found == pytest.approx(-(beyond - below) / (2.0 * step), rel=1e-4, abs=1e-3), group.name
+
+
+def test_the_score_leaves_out_what_errors_of_considered_parameters_explain() -> None:
+    """The likelihood is that of an adjustment in which the parameters are observed."""
+    scene, places = small(), tuple(ParameterPlace(BORESIGHT, 0, component) for component in range(3))
+    known = ConsideredParameters(places, (0.01 * DEGREE) ** 2 * np.eye(3))
+    system = tuple(
+        replace(item, values=item.values + 0.01 * DEGREE, free=np.zeros_like(item.free))
+        if item.family.name == BORESIGHT
+        else item
+        for item in scene.block.system
+    )
+    block = replace(scene.block, system=system, considered=known)
+    adjusted = Adjuster(AdjustmentOptions()).adjust(
+        System.of(block, scene.observations), block.approximate_state()
+    )
+    model = StochasticModel.from_covariance(known.covariance[None], np.ones((1, 3), dtype=bool))
+    (given,) = (item.values[:1] for item in system if item.family.name == BORESIGHT)
+    prior = JointPrior("C", ("roll", "pitch", "yaw"), ("rad",) * 3, places, given, model)
+    observed = Observations(scene.observations.image_points, (*scene.observations.others, prior))
+    free = tuple(
+        replace(item, free=np.ones_like(item.free)) if item.family.name == BORESIGHT else item
+        for item in system
+    )
+    likelihood = restricted(System.of(replace(block, system=free, considered=None), observed), adjusted.state)
+    group = scene.observations.groups[INS]
+    process = group.stochastic.over_time
+    assert process is not None
+    zeta, step = zeta_of(process, process.correlation_time), 1e-4
+    beyond, below = (likelihood(INS, seconds_of(process, zeta + change)) for change in (step, -step))
+    found = score(adjusted.system, adjusted.state, adjusted.quality, group)
+    assert found == pytest.approx(-(beyond - below) / (2.0 * step), rel=1e-4, abs=1e-3)
 
 
 def test_shared_information_is_that_of_the_full_matrices() -> None:

@@ -15,9 +15,11 @@ from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjusted
+from adjust.observations.base import StochasticModel
 from adjust.observations.gnss_position import GnssPositions
+from adjust.observations.joint_prior import JointPrior
 from adjust.options import AdjustmentOptions
-from adjust.parameters import BORESIGHT, GNSS_SHIFT
+from adjust.parameters import BORESIGHT, GNSS_SHIFT, ConsideredParameters, ParameterPlace
 from adjust.quality.observation_parts import Division, Part, parts_of
 from adjust.quality.residual_operator import ResidualOperator
 from adjust.quality.trace_matrix import trace_matrix
@@ -35,7 +37,7 @@ from adjust.solve.design_matrix import design_matrix, full_cofactor
 from adjust.solve.gauss_newton import Solution, iterate
 from adjust.solve.system import Observations, System
 from adjust.weighting import without_swinging
-from tests.adjust.scenes import two_strips
+from tests.adjust.scenes import DEGREE, two_strips
 from tests.adjust.simulate.specifications import CAMERA, HEIGHT, small_specification
 
 WRONG: Mapping[str, float] = {"image_points": 2.0, "gnss_positions": 3.0, "ins_attitudes": 0.4}
@@ -225,6 +227,37 @@ TRUE_FACTORS = {
     "gnss_positions plan of flight 1": 1.0,
     "gnss_positions plan of flight 2": 2.5,
 }
+
+
+def test_a_considered_boresight_leaves_the_components_as_an_observed_one_does() -> None:
+    """Its error of two σ of an attitude made them 2.3 times as large."""
+    scene = two_strips(strips=3, images_per_strip=8, points_along=17, points_across=11, noise_seed=2, free={})
+    sigma = 0.006 * DEGREE
+    places = tuple(ParameterPlace(BORESIGHT, 0, component) for component in range(3))
+    known = ConsideredParameters(places, sigma**2 * np.eye(3))
+    system = tuple(
+        replace(item, values=item.values + np.array([2.0, -1.0, 2.0]) * sigma)
+        if item.family.name == BORESIGHT
+        else item
+        for item in scene.block.system
+    )
+    block = replace(scene.block, system=system, considered=known)
+    (given,) = (item.values[:1] for item in system if item.family.name == BORESIGHT)
+    model = StochasticModel.from_covariance(known.covariance[None], np.ones((1, 3), dtype=bool))
+    prior = JointPrior("C", ("roll", "pitch", "yaw"), ("rad",) * 3, places, given, model)
+    observed = Observations(scene.observations.image_points, (*scene.observations.others, prior))
+    free = tuple(
+        replace(item, free=item.free | (item.family.name == BORESIGHT)) for item in scene.block.system
+    )
+    of_both = [
+        {item.part.name: item for item in estimated(*case).variance_components if item.estimated}
+        for case in ((block, scene.observations), (replace(scene.block, system=free), observed))
+    ]
+    assert of_both[0].keys() == of_both[1].keys() >= {"ins_attitudes roll and pitch", "ins_attitudes yaw"}
+    for one, other in ((items[name] for items in of_both) for name in of_both[0]):
+        assert one.factor == pytest.approx(other.factor, rel=2e-3)
+        assert one.redundancy == pytest.approx(other.redundancy, rel=2e-3)
+        assert one.degrees_of_freedom == pytest.approx(other.degrees_of_freedom, rel=0.1)
 
 
 def test_points_of_two_files_and_positions_of_two_flights_get_their_own_sigma(large: SimulatedBlock) -> None:
