@@ -9,6 +9,7 @@ is the same.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from adjust.parameters import BORESIGHT, FAMILIES, LEVER_ARM
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.document_kit.table import Number, decimals_for
 from tasks.quantities import entity_kind, entity_words, is_additional, quantity_words, shown, with_unit
-from tasks.registry.identity import CameraBody
+from tasks.registry.identity import CameraBody, heads_of
 from tasks.tables.covariance import Key
 
 #: Probability with which two calibrations of an unchanged camera are called different.
@@ -138,11 +139,13 @@ class Compatibility:
 
 
 def compatibility(new: CalibrationRecord, old: CalibrationRecord) -> Compatibility:
-    """Compare two calibrations of one camera, each called by its own name in its record."""
+    """Compare two calibrations of one camera, whatever its name; heads are called as in the new one."""
     mounted = [CameraBody.of_calibration(record).mounting_key for record in (new, old)]
     same_mounting = mounted[0] == mounted[1]
     same_axes = new.camera.calibration_axes_deg == old.camera.calibration_axes_deg
-    of_new, of_old = (_comparable(record, same_mounting, same_axes) for record in (new, old))
+    of_new, of_old = (
+        _comparable(record, heads_of(record, new), same_mounting, same_axes) for record in (new, old)
+    )
     common = [
         name for name, index in of_new.items()
         if name in of_old and new.estimated[index].unit == old.estimated[of_old[name]].unit
@@ -183,12 +186,14 @@ def single_limit(count: int, probability: float = ERROR_PROBABILITY) -> float:
     return float(special.ndtri(1.0 - 0.5 * each))
 
 
-def _comparable(record: CalibrationRecord, same_mounting: bool, same_axes: bool) -> dict[Key, int]:
+def _comparable(
+    record: CalibrationRecord, heads: Mapping[str, str], same_mounting: bool, same_axes: bool
+) -> dict[Key, int]:
     """Parameter and head → place among the estimated ones, of those that are the camera's and determined."""
     return {
-        (item.parameter, "" if item.entity == record.camera.name else item.entity): index
+        (item.parameter, heads[item.entity]): index
         for index, item in enumerate(record.estimated)
-        if item.entity in record.names
+        if item.entity in heads
         and entity_kind(item.parameter) == "camera"
         and item.verdict in ("determined", "weak")
         and item.sigma

@@ -23,6 +23,7 @@ from tasks.registry.compatibility import (
     single_limit,
 )
 from tasks.registry.contents import StoredCalibration
+from tasks.registry.identity import heads_of
 
 #: Probability with which each of the two tests calls an unchanged camera drifted.
 DRIFT_PROBABILITY = 0.001
@@ -185,7 +186,12 @@ def drift_between(
     """Compare two calibrations of one camera."""
     test = compatibility(new.record, old.record)
     count, rank = len(test.changes), test.degrees_of_freedom
-    values = {item.key: item.value for item in old.record.estimated}
+    heads = heads_of(old.record, new.record)
+    values = {
+        (item.parameter, heads[item.entity]): item.value
+        for item in old.record.estimated
+        if item.entity in heads
+    }
     return Drift(
         new,
         old,
@@ -193,9 +199,7 @@ def drift_between(
         test,
         float(special.chdtri(rank, DRIFT_PROBABILITY)) if rank else 0.0,
         tuple(
-            ParameterDrift(
-                change, values[change.parameter, change.head or old.camera.name], limits.of(change, count)
-            )
+            ParameterDrift(change, values[change.parameter, change.head], limits.of(change, count))
             for change in test.changes
         ),
     )

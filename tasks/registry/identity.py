@@ -172,6 +172,16 @@ class CameraBody:
         return f"{named} ({self.numbers})" if self.numbers else named
 
 
+def heads_of(record: CalibrationRecord, like: CalibrationRecord) -> Mapping[str, str]:
+    """Name of each camera of a record → name of the same head in another record; empty: the reference head.
+
+    Projects may call the heads differently; their numbers tell which is which.
+    """
+    names = {key: head.name for key, head in CameraBody.of_calibration(like).heads_by_key.items()}
+    own = CameraBody.of_calibration(record).heads_by_key
+    return {record.camera.name: "", **{head.name: names.get(key, head.name) for key, head in own.items()}}
+
+
 def differences(recorded: CameraBody, camera: CameraBody) -> Iterator[str]:
     """Why a calibration of `recorded` is none of `camera`, the most serious reason first; empty if it is one.
 

@@ -10,7 +10,9 @@ from math import hypot
 from tasks.quantities import COMPONENTS, entity_kind, entity_words
 from tasks.registry.compatibility import OF_MOUNTING
 from tasks.registry.contents import StoredCalibration
+from tasks.registry.drift import by_day
 from tasks.registry.history import Validity
+from tasks.registry.identity import heads_of
 
 #: Those that every camera has come first, the others in the order in which they are met.
 _FIRST = tuple(name for name, item in COMPONENTS.items() if item.kind.entity_kind == "camera")
@@ -74,14 +76,15 @@ class ParameterSeries:
 
 
 def series_of(items: Sequence[StoredCalibration]) -> tuple[ParameterSeries, ...]:
-    """The series of every parameter determined by any calibration of a camera."""
+    """The series of every parameter determined by any calibration; heads are called as in the last one."""
     found: dict[tuple[str, str, str], list[SeriesPoint]] = {}
+    newest = by_day(items)[-1]
     for item in items:
+        heads = heads_of(item.record, newest.record)
         for one in item.record.estimated:
-            own = one.entity in item.record.names and entity_kind(one.parameter) == "camera"
+            own = one.entity in heads and entity_kind(one.parameter) == "camera"
             if own and one.sigma and one.verdict in ("determined", "weak"):
-                head = "" if one.entity == item.record.camera.name else one.entity
-                key = (one.parameter, one.unit, head)
+                key = (one.parameter, one.unit, heads[one.entity])
                 found.setdefault(key, []).append(_point(item, one.value, one.sigma))
     keys = sorted(found, key=lambda key: _FIRST.index(key[0]) if key[0] in _FIRST else len(_FIRST))
     return tuple(

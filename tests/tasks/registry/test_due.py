@@ -208,6 +208,41 @@ def test_the_limits_of_a_head_are_its_own(registry: Registry) -> None:
         assert band["lower"] < pitch[head] < band["upper"]
 
 
+def test_heads_are_the_same_whatever_a_project_calls_them(registry: Registry) -> None:
+    """Heads that changed their names were compared with the other one, or with none."""
+    pitch, sigma = {"L-1": 30.0, "L-2": -30.0}, 0.001
+    camera = record().camera
+    for year, names in ((2020, ("left", "right")), (2021, ("right", "left")), (2022, ("port", "starboard"))):
+        heads = dict(zip(names, pitch, strict=True))
+        turned = 10.0 * sigma * (year == 2022)
+        rig = record(
+            flown=FLOWN.replace(year=year),
+            heads=tuple(
+                camera.model_copy(update={"name": name, "identity": CameraIdentity(lens=lens)})
+                for name, lens in heads.items()
+            ),
+            parameters=tuple(
+                parameter(
+                    "relative_rotation_pitch", "deg", pitch[lens] + turned * (lens == "L-2"), sigma, name
+                )
+                for name, lens in heads.items()
+            ),
+            covariance=((sigma**2, 0.0), (0.0, sigma**2)),
+        )
+        add(registry, rig)
+        (found,) = due_of(registry.contents(), SUMMER, DueLimits())
+        for drift in found.drifts:
+            assert [one.change.head for one in drift.parameters] == list(names)
+            assert [one.old for one in drift.parameters] == list(pitch.values())
+            assert [one.change.head for one in drift.parameters if one.exceeds] == ["starboard"] * (
+                year == 2022
+            )
+    assert len(found.drifts) == 2
+    watched = watch_of(registry.contents(), SUMMER, DueLimits()).series
+    assert {one.series.head: len(one.series.points) for one in watched} == {"port": 3, "starboard": 3}
+    assert [len(one.bands) for one in watched] == [2, 2]
+
+
 def test_nothing_due_is_said_in_one_sentence(registry: Registry) -> None:
     add(registry, record())
     approve(registry, 1, SPRING)
