@@ -244,7 +244,7 @@ def frame_cameras(table: pd.DataFrame) -> dict[str, FrameCamera]:
 def taken_from_registry(cameras: Mapping[str, CameraInput]) -> tuple[str, ...]:
     """Sentences about cameras that were filled: what was taken, and what was not."""
     return tuple(
-        f"Camera {name} has {source.rpartition(', ')[0]} from the registry: c "
+        f"Camera {name} has {source.rpartition(', ')[0]} (from the registry): c "
         f"{camera.focal_length_mm:.4f} mm, principal point {_listed(camera.principal_point_mm or (), 4)} "
         f"mm, boresight {_listed(camera.boresight_deg, 5)}°, lever arm {_listed(camera.lever_arm_m, 3)} "
         f"m. {USES[camera.calibration_use]} A GNSS shift applies only to its own flight and is not used."

@@ -42,7 +42,7 @@ def with_registered_cameras(project: Project) -> Project:
         return project
     cameras = dict(project.cameras)
     for name, found in approved_calibrations(wanting, project.project, project.cameras).items():
-        source = f"{REGISTRY}, {found.label}, {found.standing}, {found.sealed.digest}"
+        source = (f"{REGISTRY}, {found.label}, {found.standing}", found.sealed.digest)
         _refuse_flights(name, found.record)
         recorded = {name: found.record.camera.name}
         if wanting[name].calibration == RIG_REGISTRY:
@@ -69,13 +69,22 @@ def _refuse_flights(name: str, record: CalibrationRecord) -> None:
         )
 
 
-def _filled(camera: CameraInput, record: CalibrationRecord, entity: str, source: str) -> CameraInput:
+def _filled(
+    camera: CameraInput, record: CalibrationRecord, entity: str, source: tuple[str, str]
+) -> CameraInput:
     """A camera with the values of a camera of a record; others are left unchanged.
 
-    Boresight and lever arm of a head follow from those of its reference head.
+    Additional parameters are one function: those of the record replace all that were given. Boresight and
+    lever arm of a head follow from those of its reference head.
+
+    Parameters
+    ----------
+    source : where the values come from, and the digest of the record.
     """
     image = camera_record(camera)
     values = {item.parameter: item.value for item in record.parameters if item.entity == entity}
+    lost = sorted({**image.additional_parameters, **camera.additional_parameters}.keys() - values.keys())
+    replaced = (f"in place of {', '.join(lost)} as given in the project",) if lost else ()
     given = image.principal_point_mm
     mounting: dict[str, object] = {
         "boresight_deg": _triple(values, "boresight", _ANGLES, camera.boresight_deg),
@@ -104,7 +113,7 @@ def _filled(camera: CameraInput, record: CalibrationRecord, entity: str, source:
             ),
             "additional_parameters": {key: value for key, value in values.items() if is_additional(key)},
             **mounting,
-            "calibration": source,
+            "calibration": ", ".join((source[0], *replaced, source[1])),
         }
     )
 

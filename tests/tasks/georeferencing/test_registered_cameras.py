@@ -72,6 +72,17 @@ def test_what_was_taken_is_said_with_who_approved_it_and_what_was_not(
     assert f"c {VALUES[0]:.4f} mm" in said
     assert "A GNSS shift applies only to its own flight" in said
     assert stored.sealed.digest not in said
+    assert "as given in the project" not in said
+
+
+@pytest.mark.usefixtures("registry")
+def test_additional_parameters_that_a_record_replaces_are_named(write_project: Write, tmp_path: Path) -> None:
+    """They had disappeared, and the documentation said that they remain."""
+    both = 'cameras.C.additional_parameters={"brown:K1"=0.1, "bluh:9"=1e-9, "brown:P1"=0.2}'
+    camera = with_registered_cameras(project(write_project, tmp_path, *WANTED, BODY, both)).cameras["C"]
+    assert camera.additional_parameters == {"bluh:9": VALUES[4]}
+    (said,) = taken_from_registry({"C": camera})
+    assert ", in place of brown:K1, brown:P1 as given in the project (from the registry): c " in said
 
 
 @pytest.mark.parametrize(
