@@ -25,6 +25,8 @@ from adjust.camera.interior import FrameCamera
 _RADIAL_ZERO = 128.0 / 162.6
 _MOST_STEPS = 30
 _SETTLED = 1e-15
+# Less than any number that is written, metres.
+_EXACT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -96,15 +98,17 @@ class ImageErrors:
 
     def measured_from_ideal(self, ideal: Floats) -> tuple[Floats, Bools]:
         """Reduced measured coordinates (n, 2) of ideal ones, and whether there is exactly one (n,)."""
-        reduced = ideal + self.error(ideal)
-        for _ in range(_MOST_STEPS):
-            following = ideal + self.error(reduced)
-            moved = np.abs(following - reduced).max(axis=1, initial=0.0)
-            reduced = following
-            if np.all(moved < _SETTLED):
-                break
-        distance = np.min(np.abs(np.abs(reduced) - self.seams), axis=1)
-        return reduced, np.asarray(distance > self.reach)
+        # Errors that grow too fast with the distance from the middle have no such point in the corners.
+        with np.errstate(over="ignore", invalid="ignore"):
+            reduced = ideal + self.error(ideal)
+            for _ in range(_MOST_STEPS):
+                following = ideal + self.error(reduced)
+                moved = np.abs(following - reduced).max(axis=1, initial=0.0)
+                reduced = following
+                if np.all(moved < _SETTLED):
+                    break
+            distance = np.min(np.abs(np.abs(reduced) - self.seams), axis=1)
+        return reduced, np.asarray((distance > self.reach) & (moved < _EXACT))
 
 
 def image_errors_of(

@@ -231,9 +231,10 @@ def _index(table: Any, key: str, said: str) -> Any:
         return key
     if _is_index(key, table):
         return int(key)
+    last = len(table) - 1
     raise InputError(
-        f"{said}: there are {len(table)} tables here, but {quoted(key)} is not one of them.",
-        f"Give its number, 0 to {len(table) - 1}, as in inputs.image_points.0.sigma=0.3.",
+        f"{said}: these are numbered tables, and {quoted(key)} is not one of them.",
+        f"Give its number, 0{f' to {last}' if last else ''}, as in inputs.image_points.0.sigma=0.3.",
     )
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from tasks.plain_text import quoted
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import (
     Finite,
@@ -23,6 +24,19 @@ from tasks.settings.self_calibration import Selection
 #: What a simulation may ask for at most.
 MOST_EXPOSURES, MOST_SURVEYED = 200_000, 10_000
 
+
+def _without_quotes(name: str) -> str:
+    if name != name.strip() or set(name) & set(',"'):
+        raise trouble(
+            f"The tables of a simulation cannot contain the name {quoted(name)}: it has a comma, a quotation "
+            "mark, or a blank at its beginning or end.",
+            "Give a name without them.",
+        )
+    return name
+
+
+#: A name in the tables that are written.
+WrittenName: TypeAlias = Annotated[str, Field(min_length=1), AfterValidator(_without_quotes)]
 Part: TypeAlias = Annotated[Real, Field(ge=0.0, lt=1.0)]
 Pair: TypeAlias = tuple[Finite, Finite]
 SilentSource: TypeAlias = Literal["image", "control", "gnss", "gnss_markov", "ins", "ins_markov"]
@@ -41,6 +55,16 @@ class SimulatedGrossErrors(Settings):
     """Number of strips whose positions have a wrong time."""
     time_error_s: Finite = 1.0
     """Size of this time error, s."""
+
+    @model_validator(mode="after")
+    def _ascending(self) -> SimulatedGrossErrors:
+        smallest, largest = self.image_um
+        if smallest > largest:
+            raise trouble(
+                f"The minimum of image_um is {smallest:g} µm, and its maximum {largest:g} µm.",
+                "Give the minimum first.",
+            )
+        return self
 
 
 class SimulatedNoise(Settings):

@@ -30,6 +30,7 @@ from tasks.settings.simulated_truth import (
     Part,
     SimulatedNoise,
     SimulatedTruth,
+    WrittenName,
 )
 from tasks.settings.sweep import SweepSettings
 
@@ -84,7 +85,7 @@ class SimulatedProject(Settings):
 class SimulatedCamera(Settings):
     """The camera according to its certificate."""
 
-    name: str = Field(min_length=1)
+    name: WrittenName
     """Name of the camera."""
     columns: Pixels
     """Width of the image, px."""
@@ -115,7 +116,7 @@ _SIDE = 110.0
 class SimulatedFilm(Settings):
     """Film images: their deformation, their place in the scanner, and the fiducial marks of the camera."""
 
-    fiducials_mm: dict[str, Pair] = Field(
+    fiducials_mm: dict[WrittenName, Pair] = Field(
         default={
             "1": (-_SIDE, -_SIDE), "2": (_SIDE, _SIDE), "3": (-_SIDE, _SIDE), "4": (_SIDE, -_SIDE),
             "5": (-_SIDE, 0.0), "6": (_SIDE, 0.0), "7": (0.0, _SIDE), "8": (0.0, -_SIDE),
@@ -157,7 +158,7 @@ class FlightLines(Settings):
 
     name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9.-]+$")
     """Prefix of the line number in strip names."""
-    flight: str = Field(default="1", min_length=1)
+    flight: WrittenName = "1"
     """Flight to which the lines belong."""
     height_m: Positive
     """Flying height above the mean terrain, m."""
@@ -367,6 +368,17 @@ class Simulation(Settings):
                 f"The flight has {exposures:,} exposures, more than {MOST_EXPOSURES:,}.",
                 "Give fewer lines or exposures.",
             )
+        return self
+
+    @model_validator(mode="after")
+    def _true_focal_lengths(self) -> Simulation:
+        for camera in (self.camera, *self.head):
+            true = camera.focal_length_mm + self.truth.focal_length_change_mm
+            if true <= 0.0:
+                raise trouble(
+                    f"The true focal length of {camera.name} would be {true:g} mm.",
+                    "truth.focal_length_change_mm is the true minus the certified one, mm.",
+                )
         return self
 
     @model_validator(mode="after")

@@ -71,6 +71,11 @@ def simulate_project(simulation: Simulation, folder: Path) -> SimulatedFiles:
         block = simulate_block(block_specification(simulation))
     except InconsistentBlockError as error:
         raise InputError(str(error), "Change [flight] or [points].") from error
+    if not len(block.truth.xy):
+        raise InputError(
+            "No point is measured in any image.",
+            "Change [flight] or [points], or make the errors of [truth.image_errors] smaller.",
+        )
     with writing_into(folder):
         _write(folder, simulation, block)
     truth = block.truth

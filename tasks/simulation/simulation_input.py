@@ -22,6 +22,7 @@ from adjust.simulate.trajectory import FlightVariation
 from adjust.simulate.truth import BlockSpecification
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_frame
+from tasks.errors import InputError
 from tasks.settings.coordinates import ELLIPSOIDAL
 from tasks.settings.simulated_truth import SimulatedNoise, SimulatedTruth
 from tasks.settings.simulation import (
@@ -91,7 +92,14 @@ def simulated_map_frame(project: SimulatedProject) -> MapFrame:
     InputError
         If the CRS is not one that a project can have.
     """
-    return MapFrame.of(project.crs, ELLIPSOIDAL)
+    frame = MapFrame.of(project.crs, ELLIPSOIDAL)
+    if not (frame.is_local or frame.is_projected):
+        raise InputError(
+            f"The CRS {project.crs} is geographic, and results are in metres.",
+            'Give a map projection, e.g. crs = "EPSG:25832", or "local".',
+            entity="project.crs",
+        )
+    return frame
 
 
 def simulated_frame(project: SimulatedProject) -> AdjustmentFrame:

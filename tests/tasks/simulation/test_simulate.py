@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import tomllib
 from pathlib import Path
 
@@ -221,3 +222,27 @@ def test_points_hardly_ever_found_are_refused_before_they_fill_the_memory(tmp_pa
 def test_a_trajectory_that_cannot_be_is_refused(tmp_path: Path, changes: tuple[str, ...], says: str) -> None:
     with pytest.raises(InputError, match=says):
         _simulated(tmp_path / "a", *changes)
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ('camera.name="A,B"', "cannot contain the name 'A,B'"),
+        ('camera.name=" "', "cannot contain the name ' '"),
+        ("flight.0.flight='a\"b'", "cannot contain the name 'a\"b'"),
+        ('film.fiducials_mm={"a,b"=[1, 2], 2=[3, 4], 3=[3, 5]}', "cannot contain the name 'a,b'"),
+        ("noise.gross_errors.image_um=[200, 20]", "The minimum of image_um is 200 µm, and its maximum 20 µm"),
+        ("truth.focal_length_change_mm=-100", "The true focal length of UCE-80 would be -20 mm"),
+        ('truth.image_errors.additional_um={"brown:K1"=1e8}', "No point is measured in any image"),
+        (
+            'project={name="P", crs="EPSG:4326", latitude_deg=48, longitude_deg=9}',
+            "The CRS EPSG:4326 is geographic, and results are in metres",
+        ),
+    ],
+)
+def test_what_gives_no_project_is_refused_before_anything_is_written(
+    tmp_path: Path, override: str, words: str
+) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        _simulated(tmp_path / "block", override)
+    assert not (tmp_path / "block").exists()
