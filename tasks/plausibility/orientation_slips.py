@@ -106,13 +106,19 @@ def _of_quarter_turns(given: GivenOrientations) -> list[Slip]:
 
 
 def _of_the_grid() -> list[Slip]:
-    """Order and reference of angles counted from the axes of the map."""
+    """Order, sign and reference of angles counted from the axes of the map."""
     return [
         Slip(
             "The angles look like the other order of ω and φ",
             'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa", or the reverse.',
             lambda g, r: (g, r, "phi-omega-kappa", _SAME),
             declare='exposures.angles.order = "phi-omega-kappa"',
+        ),
+        Slip(
+            "κ appears to be counted clockwise",
+            "Change the sign of κ in the exposures: it is counted counter-clockwise, from east to the x axis "
+            "of the image.",
+            lambda g, r: (_with_opposite_kappa(g), r, "omega-phi-kappa", _SAME),
         ),
         Slip(
             "The angles appear to refer to true north",
@@ -127,6 +133,11 @@ def _of_the_grid() -> list[Slip]:
             declare='exposures.angles.reference = "grid"',
         ),
     ]
+
+
+def _with_opposite_kappa(given: GivenOrientations) -> GivenOrientations:
+    opposite = given.angles * np.array([1.0, 1.0, -1.0])
+    return replace(given, angles=np.where(given.is_heading[:, None], given.angles, opposite))
 
 
 def _of_headings() -> list[Slip]:

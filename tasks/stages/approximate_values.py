@@ -69,7 +69,7 @@ def write_approximate_block(
     surveyed_table = read_table(control_points)
     delivered, camera_table = read_table(exposures), read_table(cameras)
     given_distances = read_table(distances)
-    mounted = _checked_alone(
+    mounted, alone = _checked_alone(
         delivered, camera_table, measured, surveyed_table, map_frame, checks, misaligned=misaligned
     )
     oriented = found_orientations(delivered, mounted, measured, surveyed_table, given_distances, map_frame)
@@ -86,7 +86,8 @@ def write_approximate_block(
     expected = expected_intersections(given, checks, found.height)
     unmeasured, is_suspicious = _unmeasured(surveyed, found)
     suspicions = [
-        *found.suspicions,
+        # Orientations found from wrong ones fit them, and hide the mistake.
+        *(alone or found.suspicions),
         *(unmeasured if is_suspicious else []),
         *check_control(differences, surveyed_table, map_frame, frame, expected),
         *check_flight_direction(given.only(given.position_observed & given.attitude_observed)),
@@ -118,25 +119,26 @@ def _checked_alone(
     checks: ChecksSettings,
     *,
     misaligned: bool,
-) -> pd.DataFrame:
-    """Cameras with the boresight that the delivered attitudes show, where some images have none.
+) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Cameras with the boresight that the delivered attitudes show, where some images have none; suspicions.
 
     The orientations of the others are found from these: a mistake in them has to be named before.
     """
     own = measured_exposures(delivered, cameras, measured)
     whole = has_position(own) & has_attitude(own)
     if whole.all() or not whole.any():
-        return cameras
+        return cameras, ()
     names = own.loc[whole, "image"]
     part = measured[measured["image"].isin(names)]
     given, frame, _ = oriented_images(delivered[delivered["image"].isin(names)], cameras, part, map_frame)
     points = surveyed_points(surveyed, map_frame, frame)
-    mountings = _intersected(given, frame, part, points, checks, misaligned=misaligned).given.mountings
+    found = _intersected(given, frame, part, points, checks, misaligned=misaligned)
+    mountings = found.given.mountings
     result = cameras.copy()
     rows = pd.Index(result["camera"]).get_indexer(pd.Index(mountings.names))
     columns = [f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")]
     result.iloc[rows, result.columns.get_indexer(pd.Index(columns))] = np.rad2deg(mountings.boresight)
-    return result
+    return result, found.suspicions
 
 
 def _intersected(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,11 +13,13 @@ import pandas as pd
 import pytest
 from _pytest.mark import ParameterSet
 
+from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.examination import ListedMistake, examine_everything
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.store.store import Store
+from tests.flows.adjustment_alone import adjustment_alone
 
 FOOT = 0.3048
 # Twenty images in four lines, two of them crossing; tilted enough that orders of angles differ.
@@ -225,6 +228,16 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
     ),
     "transposed": ("omega", (angles(transposed),), ("Export the angles of the rotation from the camera",)),
     "kappa turned": ("omega", (angles(last_by(90.0)),), ("rotated by 270°",)),
+    "kappa clockwise": (
+        "omega",
+        (angles(lambda values: values * np.array([1.0, 1.0, -1.0])),),
+        ("κ appears to be counted clockwise",),
+    ),
+    "kappa clockwise in a map": (
+        "utm",
+        (angles(lambda values: values * np.array([1.0, 1.0, -1.0])),),
+        ("κ appears to be counted clockwise",),
+    ),
     "headings turned": ("heading", (angles(heading_by(180.0)),), ("rotated by 180°",)),
     "y down": ("omega", (y_down,), ("change the sign of y",)),
     "columns of image points": ("omega", (swapped("points"),), ('image_points.columns = { x = "y"',)),
@@ -307,9 +320,10 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
 
 #: One of each kind, by default, without those that are mended by default; all of them are a slow test.
 QUICK = (
-    "phi-omega-kappa", "columns of image points", "exposures swapped in a map", "exposures in feet",
-    "antenna", "time offset of two heads", "control mixed up", "images mixed up", "gon and undulation",
-    "y down and radians", "zeros lost", "headings from the map", "attitudes of another grade",
+    "phi-omega-kappa", "kappa clockwise", "columns of image points", "exposures swapped in a map",
+    "exposures in feet", "antenna", "time offset of two heads", "control mixed up", "images mixed up",
+    "gon and undulation", "y down and radians", "zeros lost", "headings from the map",
+    "attitudes of another grade",
 )  # fmt: skip
 
 
@@ -333,6 +347,23 @@ def named(name: str, blocks: Mapping[str, Path], folder: Path) -> list[ListedMis
     for words in expected:
         assert sum(words in one for one in said) == 1, said
     return found
+
+
+def test_images_without_attitude_do_not_hide_a_mistake_in_the_others(
+    blocks: Mapping[str, Path], tmp_path: Path
+) -> None:
+    """Their orientations come from those of the others, and fit them: 8° of tilt, and nothing was named."""
+    project = shutil.copytree(blocks["tilted"], tmp_path / "block")
+    table = pd.read_csv(project / "exposures.csv", dtype=str)
+    names = ["omega", "phi", "kappa"]
+    table[names] = other_order(table[names].to_numpy(float))
+    table.loc[::3, names] = np.nan
+    table.to_csv(project / "exposures.csv", index=False)
+    found = carry_out(adjustment_alone, RunRequest(project / "project.toml", tmp_path / "out"))
+    assert found.error is None, found.error
+    problems = json.loads((found.directory / "summary.json").read_text())["problems"]
+    (said,) = (text for text in problems if text.startswith("The rays of tie points miss each other"))
+    assert "The angles look like the other order of ω and φ" in said
 
 
 MENDED = (
