@@ -210,21 +210,22 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
         If there are none, numbers are missing, or a photo is not in the file.
     """
     root = parsed_xml(path)
-    photos = {photo.findtext("Id"): name for name, _, photo in _photos(path, root)}
+    images, photos = ImagesByName(path), dict[str | None, str]()
+    for name, _, photo in _photos(path, root):
+        number = photo.findtext("Id")
+        photos[number] = images.named(name, number)
     image, point, xy = LongNames(), LongNames(), array("d")
-    images = ImagesByName(path)
     named = ((item.findtext("Name") or "", item) for item in root.iter("ControlPoint"))
     ties = ((f"tie{k}", item) for k, item in enumerate(root.iter("TiePoint"), start=1))
     for name, item in chain(named, ties):
         for measurement in item.findall("Measurement"):
             number = measurement.findtext("PhotoId")
-            photo = photos.get(number)
-            if photo is None:
+            if number not in photos:
                 raise Location(path, entity=name).error(
                     f"A measurement is in the photo {number}, which is not in the file.",
                     "Export all photos of the block.",
                 )
-            image.append(images.named(photo, number))
+            image.append(photos[number])
             point.append(name)
             xy.extend(_number(path, measurement, axis) for axis in "xy")
     table = table_of(xy, 2)

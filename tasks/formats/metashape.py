@@ -249,6 +249,9 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
     cameras = {item.get("id"): item.get("label") for item in root.iter("camera") if "label" in item.attrib}
     image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
     images, number = ImagesByName(path), 0
+    for item in root.iter("camera"):
+        if item.get("enabled") not in ("false", "0") and "label" in item.attrib:
+            images.named(item.attrib["label"], item.get("id"))
     for item in root.iter("marker"):
         for location in item.findall("location"):
             number += 1

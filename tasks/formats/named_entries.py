@@ -20,11 +20,16 @@ def file_of_uri(uri: str) -> str:
 
 
 class ImagesByName:
-    """Which image of a file has a name: none may have that of another one, as files in two folders do."""
+    """Which image of a file has a name: none may have that of another one, as files in two folders do.
+
+    All images that may be used are named, with image points or not: one may have an orientation, and the
+    other one the points.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._number: dict[str, object] = {}
+        self._name: dict[object, str] = {}
 
     def named(self, name: str, number: object) -> str:
         """The name of the image of this number.
@@ -32,12 +37,16 @@ class ImagesByName:
         Raises
         ------
         InputError
-            If another one has it.
+            If another one has it, or its number.
         """
         if self._number.setdefault(name, number) != number:
             raise Location(self._path, entity=name).error(
                 f"Two images are called {quoted(name)}.",
                 "Give their files (in Metashape their labels) different names: folders do not count.",
+            )
+        if self._name.setdefault(number, name) != name:
+            raise Location(self._path, entity=name).error(
+                f"{quoted(self._name[number])} has the same number, {number}.", "Export the images again."
             )
         return name
 

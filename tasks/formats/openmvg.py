@@ -126,9 +126,10 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
         If the file is damaged, or has none.
     """
     file = _opened(path)
-    names = {view["id_view"].whole(): view["filename"].text() for view in _views(file)}
-    image, point, xy = LongNames(), LongNames(), array("d")
     images = ImagesByName(path)
+    listed = ((view["id_view"].whole(), view["filename"].text()) for view in _views(file))
+    names = {number: images.named(name, number) for number, name in listed}
+    image, point, xy = LongNames(), LongNames(), array("d")
     for key, prefix in (("structure", ""), ("control_points", "cp")):
         for one in file[key].taken() if file.has(key) else []:
             name = f"{prefix}{one['key'].whole()}"
@@ -138,7 +139,7 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
                     raise Location(path, entity=seen.where).error(
                         "An observation does not belong to a view.", "Deliver it again."
                     )
-                image.append(images.named(view, seen["key"].value))
+                image.append(view)
                 point.append(name)
                 xy.extend(seen["value"]["x"].numbers(2))
     table = table_of(xy, 2)

@@ -26,7 +26,6 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.json_value import JsonValue
 from tasks.formats.long_columns import LongNames, table_of
-from tasks.formats.named_entries import ImagesByName
 from tasks.formats.opf_captures import captures_of, opf_rigs, projected_captures_of
 from tasks.formats.opf_project import OpfProject, canonical_shift, crs_of, east_north, name_of, named
 from tasks.formats.plain_records import (
@@ -200,17 +199,16 @@ def read_opf_image_points(path: Path) -> ImagePointRecords:
     names = project.images()
     points = project.optional("input_control_points", "input-control-points")
     image, point, xy = LongNames(), LongNames(), array("d")
-    images = ImagesByName(path)
     for kind in ("gcps", "mtps"):
         for one in points[kind].items() if points is not None and points.has(kind) else []:
             for mark in one["marks"].items():
-                image.append(images.named(named(mark["camera_id"], names), mark["camera_id"].value))
+                image.append(named(mark["camera_id"], names))
                 point.append(one["id"].text())
                 xy.extend(mark["position_px"].numbers(2))
     tracks = project.tracks()
     if tracks is not None:
         for number, tie in zip(tracks.camera, tracks.point.tolist(), strict=True):
-            image.append(images.named(name_of(number, names, path), number))
+            image.append(name_of(number, names, path))
             point.append(f"tie{tie + 1}")
         xy.frombytes(tracks.xy.tobytes())
     table = table_of(xy, 2)

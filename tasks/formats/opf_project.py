@@ -23,7 +23,7 @@ from adjust.arrays import Floats, Ints
 from tasks.errors import InputError, Location
 from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
-from tasks.formats.named_entries import file_of_uri
+from tasks.formats.named_entries import ImagesByName, file_of_uri
 from tasks.formats.packed_folder import PackedFolder, packed_folder
 
 _EXTENSION = "OPF_mesh_primitive_matches"
@@ -164,7 +164,9 @@ class OpfProject:
     def images(self) -> dict[int, str]:
         """Identifier → file name, with the page of a file that has several images."""
         cameras = self.one("camera_list", "camera-list")["cameras"].items()
-        return {one["id"].whole(): file_of_uri(one["uri"].text()) for one in cameras}
+        images = ImagesByName(self._folder.file)
+        listed = ((one["id"].whole(), file_of_uri(one["uri"].text())) for one in cameras)
+        return {number: images.named(name, number) for number, name in listed}
 
     def sensor_names(self) -> dict[int, str]:
         """Identifier → name, with the identifier where several have the same."""

@@ -14,7 +14,8 @@ from tasks.formats.isat import read_isat_cameras, read_isat_exposures
 from tasks.formats.register import IMAGE_POINT_FORMATS
 from tasks.formats.stac import read_stac_exposures
 from tasks.handover.formats.register import REGISTER
-from tests.tasks.formats.packed_files import packed
+from tests.tasks.formats import sound_files as sound
+from tests.tasks.formats.packed_files import OPF, packed
 from tests.tasks.handover.flown_block import Flight, delivered, flown
 
 #: Format → ending of the file of an image.
@@ -82,6 +83,45 @@ def test_image_points_of_files_of_one_name_in_two_folders_are_not_one_image(name
             assert len(set(IMAGE_POINT_FORMATS[name](file).image.to_pylist())) == 4
     with pytest.raises(InputError, match=r"Two images are called '1\.tif'"):
         IMAGE_POINT_FORMATS[name](file)
+
+
+_MARKERS = """<chunk><cameras><camera id="7" label="a.tif"><transform>1</transform></camera>
+<camera id="8" label="a.tif"/></cameras><markers><marker id="0" label="g1"/></markers><frames><frame><markers>
+<marker marker_id="0"><location camera_id="8" pinned="true" x="1" y="2"/></marker></markers></frame></frames>
+</chunk>"""
+_SAME_NAME = {
+    "blocks-exchange": sound._BLOCKS.replace(">7</PhotoId>", ">8</PhotoId>").replace("b.tif", "E:\\c\\a.tif"),
+    "opf": packed(
+        {name: text.replace('"camera_id": 7', '"camera_id": 8') for name, text in OPF.items()}
+        | {
+            "p/camera-list.json": OPF["p/camera-list.json"].replace(
+                "[{", '[{"id": 8, "uri": "file:///c:/b/IMG 1.tif"}, {'
+            )
+        }
+    ),
+    "openmvg": sound._OPENMVG.replace(
+        '"views": [{', '"views": [{"key": 1, "value": {"ptr_wrapper": {"data": {"filename": "a.tif", '
+        '"id_view": 1, "id_pose": 1, "id_intrinsic": 0}}}}, {',
+    ).replace('"observations": [{"key": 0', '"observations": [{"key": 1'),
+    "metashape-markers": _MARKERS,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", _SAME_NAME)
+def test_an_image_with_points_does_not_get_the_orientation_of_one_of_the_same_name(name, tmp_path):
+    """Of two files of one name, one is oriented, and the other one has the image points."""
+    file = tmp_path / "file"
+    text = _SAME_NAME[name]
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError, match="Two images are called"):
+        IMAGE_POINT_FORMATS[name](file)
+
+
+def test_two_images_of_one_number_are_refused(tmp_path):
+    file = tmp_path / "file"
+    file.write_text(sound._BLOCKS.replace("<Id>8</Id>", "<Id>7</Id>").replace(">8</PhotoId>", ">7</PhotoId>"))
+    with pytest.raises(InputError, match=r"'a\.tif' has the same number, 7"):
+        IMAGE_POINT_FORMATS["blocks-exchange"](file)
 
 
 def test_stac_items_of_numbered_frames_have_different_identifiers():
