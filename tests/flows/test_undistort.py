@@ -82,6 +82,7 @@ def test_pixels_show_what_the_camera_saw_in_its_direction(results: Path, name: s
     (camera,) = csv.DictReader((tmp_path / "out" / "cameras.csv").read_text().splitlines())
     (calibrated,) = read_cameras(results)[0].values()
     assert float(camera["focal_length_mm"]) == pytest.approx(1e3 * calibrated.frame.focal_length, abs=1e-7)
+    assert camera["corrections"] == calibrated.digest_of_corrections
     assert float(camera["x0_mm"]) == pytest.approx(1e3 * calibrated.frame.principal_point[0], abs=1e-7)
     text = " ".join((tmp_path / "out" / "UNDISTORTED.txt").read_text().split())
     assert f"parameters change image points by up to {1e6 * calibrated.largest_distortion:.1f} µm" in text
@@ -205,6 +206,27 @@ def test_a_folder_of_others_is_left_as_it_is(results: Path, name: str, tmp_path:
         assert f"{theirs}: " in done.stderr
         assert sentence in done.stderr
         assert [one.read_bytes() for one in theirs.parent.iterdir()] == [b"theirs"]
+
+
+def test_every_image_of_a_folder_is_stated_whichever_call_has_written_it(
+    results: Path, tmp_path: Path
+) -> None:
+    data, out = pixels(1, ROWS, COLUMNS, "uint8"), tmp_path / "out"
+    (camera,) = read_cameras(results)[0]
+    kinds = {"a.tif": "cubic", "b.tif": "lanczos", "d.tif": "cubic"}
+    for file, kind in kinds.items():
+        image = written(tmp_path / file, data)
+        words = ("--camera", camera, "--out", out, "--resampling", kind)
+        done = aerocal("undistort", results, image, *words)
+        assert done.returncode == 0, done.stderr
+        assert [other in done.stdout for other in kinds] == [other == file for other in kinds]
+        (out / "d.tif").unlink(missing_ok=True)
+    aerocal("undistort", results, tmp_path / "a.tif", *words[:4], "--resampling", "lanczos")
+    *parts, images = (out / "UNDISTORTED.txt").read_text().split("\n\n")
+    assert sum(part.startswith("Camera ") for part in parts) == 1
+    assert [line.split(";")[:2] for line in images.splitlines()] == [
+        [f"{file}: camera {camera}", " Lanczos' window (6 x 6 pixels)"] for file in ("a.tif", "b.tif")
+    ]
 
 
 def test_an_image_is_written_again_over_its_own_result(results: Path, name: str, tmp_path: Path) -> None:

@@ -5,72 +5,22 @@ from __future__ import annotations
 import logging
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast, get_args
 
-import numpy as np
-
-from adjust.arrays import Floats
 from adjust.options import available_threads
-from adjust.resampling.pixel_map import PixelMap, pixel_map
 from adjust.resampling.resampled import Resampling
 from tasks.errors import InputError, Location
 from tasks.files.delivered_file import require_folder
 from tasks.files.installation import writing_into
 from tasks.handover.formats.corrected_csv import ideal_cameras
-from tasks.handover.ideal_points import ideal_points, measured_points
 from tasks.handover.results import CalibratedCamera, film_cameras, read_cameras
+from tasks.handover.undistorted.camera_map import CameraMap, camera_map
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import ImageDescription, described, opened_image
 from tasks.image_files.image_writer import left_out_of
 from tasks.nearest_name import did_you_mean
-
-# A measured point whose own ideal point is further than this from the one that was requested belongs to
-# another place: far outside, a distortion folds back. At a seam it is as far as the jump there.
-_FOLDED_PX = 20.0
-
-
-@dataclass(frozen=True, eq=False)
-class CameraMap:
-    """The ideal camera has the format, pixels, focal length and principal point of the camera itself.
-
-    Attributes
-    ----------
-    camera : as calibrated.
-    pixels : position in a taken image of every pixel of an undistorted one.
-    largest_shift_px : between the two.
-    """
-
-    camera: CalibratedCamera
-    pixels: PixelMap
-    largest_shift_px: float
-
-
-def camera_map(camera: CalibratedCamera) -> CameraMap:
-    """The map of additional parameters and mean residuals."""
-    # Pixels count from the centre of the first one here, whatever the delivered coordinates do.
-    frame = replace(camera.frame, pixel_origin="centre")
-    size = (frame.columns, frame.rows)
-
-    def source_of(place: Floats) -> Floats:
-        ideal = frame.image_from_pixel(place)
-        measured = measured_points(camera, ideal)
-        away = np.abs(ideal_points(camera, measured) - ideal).max(axis=1)
-        folded = ~(away < _FOLDED_PX * frame.pixel_size)
-        return np.where(folded[:, None], np.nan, frame.pixel_from_image(measured))
-
-    found = pixel_map(source_of, size, size)
-    return CameraMap(camera, found, _largest_shift(found))
-
-
-def _largest_shift(pixels: PixelMap) -> float:
-    """Largest distance, pixels, at the nodes that lie in the image."""
-    steps = [64.0 * np.arange(side) for side in pixels.nodes.shape[1::-1]]
-    place = np.stack(np.meshgrid(*steps), axis=-1)
-    inside = (place < [pixels.columns, pixels.rows]).all(axis=-1)
-    return float(np.nanmax(np.linalg.norm((pixels.nodes - place)[inside], axis=-1), initial=0.0))
-
 
 _TIFF = (".tif", ".tiff")
 _CAMERAS = "cameras.csv"
@@ -84,7 +34,7 @@ class Undistorted:
     Attributes
     ----------
     folder, files : where, and which images.
-    statement : the text of UNDISTORTED.txt.
+    statement : of these images, as in UNDISTORTED.txt, which also has those of earlier calls.
     """
 
     folder: Path
@@ -133,22 +83,27 @@ def undistort(
     cameras, of_image = read_cameras(results)
     film = film_cameras(results)
     jobs = _jobs(cameras, of_image, film, images, folder, camera)
-    ideal = ideal_cameras(one.frame for name, one in cameras.items() if name not in film)
+    ideal = _described({name: one for name, one in cameras.items() if name not in film})
     _require_own(folder, jobs, ideal)
-    work, maps, done = Work(kind, available_threads()), dict[str, CameraMap](), []
+    work, maps, done = Work(kind, available_threads()), dict[str, CameraMap](), Statement()
     for number, job in enumerate(jobs, start=1):
         name = job.camera.frame.name
         if name not in maps:
             _log.info("camera %s: source positions of pixels", name)
             maps[name] = camera_map(job.camera)
         _log.info("%s: image %d of %d", job.file, number, len(jobs))
-        done.append(_carried_out(job, maps[name], folder, work, progress))
-        # After the first image: a run that is killed leaves a folder that the next one knows as its own.
-        if number == 1:
-            _write(folder, _CAMERAS, ideal)
-    text = undistorted_statement(tuple(maps.values()), done, kind)
-    _write(folder, STATEMENT, text)
-    return Undistorted(folder, tuple(job.file for job in jobs), text)
+        done.add(maps[name], _carried_out(job, maps[name], folder, work, progress))
+        # After each image: a run that is killed leaves a folder that the next one knows as its own.
+        _write(folder, _CAMERAS, ideal)
+        _write(folder, STATEMENT, done.after(_stated(folder)).text)
+    return Undistorted(folder, tuple(job.file for job in jobs), done.text)
+
+
+def _described(cameras: Mapping[str, CalibratedCamera]) -> str:
+    """cameras.csv: the ideal cameras, and a digest of what was removed from the images of each."""
+    lines = ideal_cameras(one.frame for one in cameras.values()).splitlines()
+    digests = ["corrections", *(one.digest_of_corrections for one in cameras.values())]
+    return "".join(f"{line},{digest}\n" for line, digest in zip(lines, digests, strict=True))
 
 
 def _resampling(text: str) -> Resampling:
@@ -170,7 +125,7 @@ def _carried_out(
         )
         left_out, about = left_out_of(source), source.description
     part, alpha = outside / (about.columns * about.rows), tuple(band + 1 for band in about.alpha)
-    return UndistortedImage(job.file, job.camera.frame.name, part, left_out, alpha)
+    return UndistortedImage(job.file, job.camera.frame.name, work.resampling, part, left_out, alpha)
 
 
 def _require_own(folder: Path, jobs: Sequence[_Job], cameras: str) -> None:
@@ -275,6 +230,7 @@ class UndistortedImage:
     Attributes
     ----------
     file, camera : their names.
+    resampling : of its pixels.
     outside : part of its pixels that lies outside of what was taken, 0 to 1.
     left_out : what of the taken image applies to its pixels only and was not copied.
     alpha : numbers from 1 of its alpha bands.
@@ -282,29 +238,61 @@ class UndistortedImage:
 
     file: str
     camera: str
+    resampling: Resampling
     outside: float
     left_out: tuple[str, ...]
     alpha: tuple[int, ...] = ()
 
 
-def undistorted_statement(
-    maps: Sequence[CameraMap], images: Sequence[UndistortedImage], resampling: Resampling
-) -> str:
-    """The text."""
-    parts = [
-        "The images are as cameras without distortion would have taken them, with the focal lengths and "
-        "principal points of cameras.csv (mm from the centre of the format, x right, y up). Exterior "
-        "orientations are those of the results, unchanged.",
-        *(_about_camera(one) for one in maps),
-        "Contained: additional parameters and mean residuals. NOT contained: refraction and the "
-        "curvature of the earth, which depend on the ground. The program must not apply any other "
-        "distortion of the camera.",
-        f"Pixels are resampled by {_WORDS[resampling]}; at borders and next to pixels without data, "
-        "bilinearly between the valid ones. Pixels outside the original image have the no-data value or "
-        "0.",
-    ]
-    listed = [_about_image(one) for one in images]
-    return "\n\n".join([*(textwrap.fill(part, _WIDTH) for part in parts), "\n".join(listed)]) + "\n"
+@dataclass(frozen=True)
+class Statement:
+    """UNDISTORTED.txt: what all images have in common, of each camera and of each image.
+
+    Attributes
+    ----------
+    cameras : paragraphs in their order; without values.
+    images : file → its line.
+    """
+
+    cameras: dict[str, None] = field(default_factory=dict)
+    images: dict[str, str] = field(default_factory=dict)
+
+    def add(self, camera: CameraMap, image: UndistortedImage) -> None:
+        """State an image, and the camera that took it."""
+        self.cameras[textwrap.fill(_about_camera(camera), _WIDTH)] = None
+        self.images[image.file] = _about_image(image)
+
+    def after(self, earlier: Statement) -> Statement:
+        """Both; of an image that was written again, what is stated here."""
+        return Statement(earlier.cameras | self.cameras, earlier.images | self.images)
+
+    @property
+    def text(self) -> str:
+        """The whole text."""
+        parts = [
+            "The images are as cameras without distortion would have taken them, with the focal lengths and "
+            "principal points of cameras.csv (mm from the centre of the format, x right, y up). Exterior "
+            "orientations are those of the results, unchanged.",
+            "Contained: additional parameters and mean residuals. NOT contained: refraction and the "
+            "curvature of the earth, which depend on the ground. The program must not apply any other "
+            "distortion of the camera.",
+            "Pixels are resampled by the method of each image; at borders and next to pixels without data, "
+            "bilinearly between the valid ones. Pixels outside the original image have the no-data value or "
+            "0.",
+        ]
+        about, *others = (textwrap.fill(part, _WIDTH) for part in parts)
+        return "\n\n".join([about, *self.cameras, *others, "\n".join(self.images.values())]) + "\n"
+
+
+def _stated(folder: Path) -> Statement:
+    """What earlier calls have stated of images that are still in the folder."""
+    file = folder / STATEMENT
+    parts = file.read_text(encoding="utf-8", errors="replace").split("\n\n") if file.exists() else [""]
+    named = ((line.partition(": camera ")[0], line) for line in parts[-1].splitlines())
+    return Statement(
+        {part: None for part in parts if part.startswith("Camera ")},
+        {name: line for name, line in named if name != line and (folder / name).exists()},
+    )
 
 
 def _about_camera(one: CameraMap) -> str:
@@ -320,8 +308,8 @@ def _about_camera(one: CameraMap) -> str:
 
 def _about_image(one: UndistortedImage) -> str:
     text = (
-        f"{one.file}: camera {one.camera}; {100.0 * one.outside:.2f} % of its pixels are outside the "
-        "original image"
+        f"{one.file}: camera {one.camera}; {_WORDS[one.resampling]}; {100.0 * one.outside:.2f} % of its "
+        "pixels are outside the original image"
     )
     # Programs write near infrared as such a band, if they are not told otherwise.
     text += "".join(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 import rasterio
 
 from adjust.resampling.resampled import Resampling
-from tasks.handover.undistorted.undistort import CameraMap, camera_map
+from tasks.handover.undistorted.camera_map import CameraMap, camera_map
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import opened_image
 from tests.tasks.handover.undistorted.crosses import centres, distorting_camera, measured_centres, taken_image
@@ -54,6 +55,19 @@ def test_crosses_are_where_a_camera_without_distortion_takes_them(
     assert before > 2.0
     assert np.abs(away).max() < 0.01
     assert np.sqrt(np.mean(away**2)) < 0.002
+
+
+def test_cameras_of_other_distortion_or_mean_residuals_have_another_digest() -> None:
+    """Focal length and principal point are in the table of cameras beside it."""
+    camera = distorting_camera()
+    grid = camera.grid
+    assert grid is not None
+    others = (
+        distorting_camera(distorted=False),
+        replace(camera, values=camera.values * (1.0 + 1e-3)),
+        replace(camera, grid=replace(grid, value=grid.value + 2e-9)),
+    )
+    assert len({one.digest_of_corrections for one in (camera, distorting_camera(), *others)}) == 4
 
 
 def test_the_map_is_stated_to_better_than_a_hundredth_of_a_pixel() -> None:
