@@ -78,6 +78,8 @@ def test_an_import_that_waits_is_none_at_the_top(source: str) -> None:
 
 #: What is imported one after the other, each with the libraries that must not have come along till then.
 STEPS = {
+    # What every command with --help imports, and `aerocal export` that lists the formats.
+    "list": (["flows.command.main", "flows.command.format_table"], {"numpy", "pyarrow"}),
     # What a run imports that finds everything stored: the command, the settings, the story with its stages.
     "reuse": (
         ["flows.command.execution", "flows.stories.aerial_triangulation"],
@@ -129,12 +131,16 @@ def test_only_the_flows_and_what_serves_them_import_prefect_when_they_are_import
 
 @pytest.fixture(scope="module")
 def came_along() -> dict[str, list[str]]:
-    return unwanted_after("reuse", "adjustment")
+    return unwanted_after("list", "reuse", "adjustment")
 
 
 def test_an_adjustment_does_not_wait_for_all_distributions(came_along: dict[str, list[str]]) -> None:
     """One probability is a function of scipy.special; scipy.stats takes longer than the rest together."""
     assert came_along["adjustment"] == []
+
+
+def test_a_list_of_formats_loads_nothing_that_computes(came_along: dict[str, list[str]]) -> None:
+    assert came_along["list"] == []
 
 
 def test_a_run_that_finds_everything_stored_loads_nothing_that_computes(

@@ -62,9 +62,13 @@ def export(
 
     [bold]Exit codes[/bold]  0 written · 2 wrong input, or the misfit is too large
     """
-    from flows.command.export_execution import list_formats, write_export
+    if to is None:
+        from flows.command.format_table import list_formats
 
-    if results is None or to is None:
         end_with(list_formats)
+    elif results is None:
+        raise typer.BadParameter("Name the results folder of a run before --to.")
     else:
+        from flows.command.export_execution import write_export
+
         end_with(lambda: write_export(results, to, out, world, angles, unit, force=force))

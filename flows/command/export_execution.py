@@ -9,27 +9,12 @@ from rich.console import Console
 from rich.text import Text
 
 from flows.command.exit_code import DONE
-from flows.command.screen_table import screen, screen_table
+from flows.command.screen_table import screen
 from tasks.errors import InputError
 from tasks.handover.delivery import Angles
 from tasks.handover.export import Export, export_results
-from tasks.handover.formats.exchange import EXCHANGE
-from tasks.handover.formats.register import DELIVERIES
 from tasks.nearest_name import did_you_mean
 from tasks.settings.deliver import AngleOrder, AngleUnit
-
-
-def list_formats() -> int:
-    """List all formats and what they are for."""
-    console = screen()
-    for title, register in (("Block exchange", EXCHANGE), ("Result delivery", DELIVERIES)):
-        table = screen_table("format", "what", "usual kind", title=title)
-        for item in register.values():
-            table.add_row(item.name, item.meaning, item.world)
-        console.print(table)
-    console.print("Write one with: aerocal export RESULTS --to FORMAT")
-    console.print("Exchange a block without adjusting it: aerocal convert PROJECT.toml --to FORMAT")
-    return DONE
 
 
 def write_export(

@@ -87,8 +87,7 @@ class DeliveryFormat:
 
     Attributes
     ----------
-    name : on the command line; what it can be written for is in `OFFERS`.
-    meaning : one line for people.
+    name : on the command line; what it is, and what it can be written for, is in `OFFERS`.
     write : the files.
     precision : how precisely its numbers are printed, in words.
     freed : what programs that read it let us change of the camera.
@@ -106,7 +105,6 @@ class DeliveryFormat:
     """
 
     name: str
-    meaning: str
     write: Callable[[Delivery], Files]
     precision: str
     freed: Freed = field(default_factory=Freed)

@@ -49,7 +49,7 @@ def statement(delivery: Delivery, form: DeliveryFormat, *, adjusted: bool = True
     adjusted : whether the block is adjusted, or as it was delivered.
     """
     parts = [
-        f"{delivery.results.name}: {len(delivery.names)} images, {form.name} ({form.meaning})",
+        f"{delivery.results.name}: {len(delivery.names)} images, {form.name} ({OFFERS[form.name].meaning})",
         *([] if adjusted else [_AS_DELIVERED]),
         *_about_world(delivery, form),
         *_about_lens(delivery, form),

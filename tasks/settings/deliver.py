@@ -28,48 +28,85 @@ _ANY_MAP: tuple[World, ...] = ("map", "local", "map-cartesian", "map-cartesian-c
 
 @dataclass(frozen=True)
 class Offer:
-    """What a format can be written for.
+    """What a format is, and what it can be written for.
 
     Attributes
     ----------
+    meaning : one line for people.
     worlds : kinds of programs; the usual one first.
     dated : whether it cannot be without the date of the flight.
     placed : whether it cannot be without a place on the earth.
     """
 
+    meaning: str
     worlds: tuple[World, ...]
     dated: bool = False
     placed: bool = False
 
 
+#: Every format of `tasks.handover.formats.exchange`: whole blocks.
+EXCHANGE_OFFERS: Mapping[str, Offer] = {
+    "blocks-exchange": Offer(
+        "BlocksExchange XML: iTwin Capture, ContextCapture, Metashape, RealityScan", _LOCAL
+    ),
+    "colmap": Offer("COLMAP text model: cameras, images, points", _LOCAL),
+    "opensfm": Offer("OpenSfM and ODM: reconstruction.json and tracks.csv", _LOCAL),
+    "opf": Offer(
+        "OPF project (Pix4D): cameras, control and check points with their marks, tie points",
+        _LOCAL,
+        dated=True,
+    ),
+    "openmvg": Offer("OpenMVG sfm_data.json: views, cameras, poses, points", _LOCAL),
+    "patb": Offer("PATB .ori, .im, .con: orientations, image points, control", _ANY),
+    "bingo": Offer("BINGO image.dat, geoin.dat, itera.dat", _ANY),
+    "corrected-csv": Offer(
+        "tables: corrected image points, orientations, cameras without distortion, points", _ANY_MAP
+    ),
+}
 #: Every format of `tasks.handover.formats.register`.
 OFFERS: Mapping[str, Offer] = {
-    "blocks-exchange": Offer(_LOCAL),
-    "colmap": Offer(_LOCAL),
-    "opensfm": Offer(_LOCAL),
-    "opf": Offer(_LOCAL, dated=True),
-    "openmvg": Offer(_LOCAL),
-    "patb": Offer(_ANY),
-    "bingo": Offer(_ANY),
-    "corrected-csv": Offer(_ANY_MAP),
-    "inpho": Offer(_CURVED),
-    "isat": Offer(_CURVED),
-    "eo-csv": Offer(_ANY_MAP),
-    "esri": Offer(_ANY),
-    "orbit": Offer(_ANY),
-    "sure": Offer(_LOCAL),
-    "metashape": Offer(("map", "local")),
-    "metashape-xml": Offer(_LOCAL),
-    "rpc": Offer(("rpc",), placed=True),
-    "geopackage": Offer(_MAP),
-    "nerfstudio": Offer(_LOCAL),
-    "stac": Offer(_MAP, dated=True),
-    "realityscan": Offer(("map", "local")),
-    "orthority": Offer(("map-cartesian",), placed=True),
-    "catalyst": Offer(_CURVED),
-    "distortion-grid": Offer(_LOCAL),
-    "geojson": Offer(_MAP, placed=True),
-    "kmz": Offer(_MAP, placed=True),
+    **EXCHANGE_OFFERS,
+    "inpho": Offer("Inpho project (.prj): cameras, photos, orientations", _CURVED),
+    "isat": Offer("ImageStation files photo and camera, distortion grids", _CURVED),
+    "eo-csv": Offer(
+        "table with header: image, camera, X, Y, Z, angles of any system, standard deviations", _ANY_MAP
+    ),
+    "esri": Offer("Frames and Cameras tables of ArcGIS", _ANY),
+    "orbit": Offer("Orbit 3DM: one line an image, for undistorted images", _ANY),
+    "sure": Offer("SURE: one .ori an image, for undistorted images", _LOCAL),
+    "metashape": Offer("Metashape OPK text and reference table", ("map", "local")),
+    "metashape-xml": Offer(
+        "Metashape XML: cameras with distortion, orientations on the earth, markers", _LOCAL
+    ),
+    "rpc": Offer(
+        "rational polynomials, one _RPC.TXT an image: GDAL, QGIS, ArcGIS, ERDAS, Catalyst, OTB, SNAP",
+        ("rpc",),
+        placed=True,
+    ),
+    "geopackage": Offer(
+        "GeoPackage for QGIS and every GIS: cameras, footprints, points, residual vectors", _MAP
+    ),
+    "nerfstudio": Offer("nerfstudio and 3D Gaussian splatting: transforms.json", _LOCAL),
+    "stac": Offer(
+        "STAC items with perspective-imagery: orientation and footprint of every image", _MAP, dated=True
+    ),
+    "realityscan": Offer(
+        "RealityScan (RealityCapture): CSV of registered images and XMP files", ("map", "local")
+    ),
+    "orthority": Offer(
+        "Orthority: interior parameters (YAML), exterior parameters (GeoJSON)",
+        ("map-cartesian",),
+        placed=True,
+    ),
+    "catalyst": Offer("Catalyst OrthoEngine: exterior orientations as text, distortion grids", _CURVED),
+    "distortion-grid": Offer(
+        "tables of the correction over the format of each camera, from measured to ideal points and back",
+        _LOCAL,
+    ),
+    "geojson": Offer(
+        "GeoJSON in longitude and latitude: cameras, footprints, surveyed points", _MAP, placed=True
+    ),
+    "kmz": Offer("KMZ for globes: cameras, footprints, surveyed points", _MAP, placed=True),
 }
 #: Formats whose angle system can be chosen; that of the others is a part of the format.
 CHOSEN_ANGLES = ("eo-csv",)

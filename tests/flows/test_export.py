@@ -30,6 +30,7 @@ from tasks.handover.results import Results, read_results
 from tasks.settings.deliver import World
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.command_line import aerocal
 from tests.flows.adjustment_alone import adjustment_alone
 from tests.tasks.handover.test_read_back import READ, WITH_THEIR_GROUND, WITHOUT_ORIENTATIONS
 
@@ -311,6 +312,13 @@ def test_wrong_words_are_refused_and_nothing_is_written(results: Path, tmp_path:
     with pytest.raises(InputError, match="--unit: The format patb has its own order and unit of angles"):
         write_export(results, "patb", out, None, "omega-phi-kappa", "gon", force=False)
     assert not out.exists()
+
+
+def test_a_format_without_results_is_refused_and_none_lists_the_formats() -> None:
+    assert aerocal("export", "--to", "patb").returncode == 2
+    done = aerocal("export")
+    assert done.returncode == 0
+    assert all(name in done.stdout for name in REGISTER)
 
 
 def test_results_are_found_by_any_path(

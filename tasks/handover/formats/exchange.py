@@ -28,7 +28,6 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
     for item in (
         DeliveryFormat(
             "blocks-exchange",
-            "BlocksExchange XML: iTwin Capture, ContextCapture, Metashape, RealityScan",
             write_blocks_exchange,
             "1e-6 m, 1e-15 of a rotation, 1e-4 px",
             lens=LENS,
@@ -37,7 +36,6 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "colmap",
-            "COLMAP text model: cameras, images, points",
             write_colmap,
             "1e-6 m of points, 15 digits of orientations, 1e-4 px",
             seen=True,
@@ -48,7 +46,6 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "opensfm",
-            "OpenSfM and ODM: reconstruction.json and tracks.csv",
             write_opensfm,
             "17 digits; image points 1e-9 of the longer side",
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
@@ -58,7 +55,6 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "opf",
-            "OPF project (Pix4D): cameras, control and check points with their marks, tie points",
             write_opf,
             "17 digits; tie points float32: 1e-3 px",
             seen=True,
@@ -68,7 +64,6 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "openmvg",
-            "OpenMVG sfm_data.json: views, cameras, poses, points",
             write_openmvg,
             "17 digits",
             lens=LENS,
@@ -76,7 +71,6 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "patb",
-            "PATB .ori, .im, .con: orientations, image points, control",
             write_patb,
             "1e-5 m, 1e-12 of a rotation; control 1e-4 m, image points 1e-4 µm",
             points=True,
@@ -85,7 +79,6 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "bingo",
-            "BINGO image.dat, geoin.dat, itera.dat",
             write_bingo,
             "1e-4 m, 1e-7 gon; image points 1e-4 µm",
             points=True,
@@ -93,7 +86,6 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "corrected-csv",
-            "tables: corrected image points, orientations, cameras without distortion, points",
             write_corrected_csv,
             "1e-4 m, 1e-7°; image points 1e-4 µm",
             Freed(focal_length=True),

@@ -37,31 +37,24 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
     for item in (
         DeliveryFormat(
             "eo-csv",
-            "table with header: image, camera, X, Y, Z, angles of any system, standard deviations",
             write_eo_csv,
             _ANGLES,
             seen=True,
         ),
-        DeliveryFormat("esri", "Frames and Cameras tables of ArcGIS", write_esri, _ANGLES, _CAMERA_TOO),
-        DeliveryFormat("sure", "SURE: one .ori an image, for undistorted images", write_sure, "15 digits"),
-        DeliveryFormat("orbit", "Orbit 3DM: one line an image, for undistorted images", write_orbit, _ANGLES),
-        DeliveryFormat(
-            "inpho", "Inpho project (.prj): cameras, photos, orientations", write_inpho, _MATRIX, _CAMERA_TOO
-        ),
+        DeliveryFormat("esri", write_esri, _ANGLES, _CAMERA_TOO),
+        DeliveryFormat("sure", write_sure, "15 digits"),
+        DeliveryFormat("orbit", write_orbit, _ANGLES),
+        DeliveryFormat("inpho", write_inpho, _MATRIX, _CAMERA_TOO),
         DeliveryFormat(
             "isat",
-            "ImageStation files photo and camera, distortion grids",
             write_isat,
             f"{_ANGLES}; grids 1e-3 µm",
             _CAMERA_TOO,
             grid=True,
         ),
-        DeliveryFormat(
-            "metashape", "Metashape OPK text and reference table", write_metashape, f"{_ANGLES}, matrix 1e-12"
-        ),
+        DeliveryFormat("metashape", write_metashape, f"{_ANGLES}, matrix 1e-12"),
         DeliveryFormat(
             "metashape-xml",
-            "Metashape XML: cameras with distortion, orientations on the earth, markers",
             write_metashape_xml,
             "15 digits; image points 1e-4 px",
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
@@ -71,14 +64,12 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "rpc",
-            "rational polynomials, one _RPC.TXT an image: GDAL, QGIS, ArcGIS, ERDAS, Catalyst, OTB, SNAP",
             write_rpc,
             "15 digits of every coefficient",
             seen=True,
         ),
         DeliveryFormat(
             "geopackage",
-            "GeoPackage for QGIS and every GIS: cameras, footprints, points, residual vectors",
             write_geopackage,
             "17 digits",
             seen=True,
@@ -87,28 +78,24 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "nerfstudio",
-            "nerfstudio and 3D Gaussian splatting: transforms.json",
             write_nerfstudio,
             "17 digits",
             lens=LENS_OF_TWO_FOCAL_LENGTHS,
         ),
         DeliveryFormat(
             "stac",
-            "STAC items with perspective-imagery: orientation and footprint of every image",
             write_stac,
             _MATRIX,
             seen=True,
         ),
         DeliveryFormat(
             "realityscan",
-            "RealityScan (RealityCapture): CSV of registered images and XMP files",
             write_realityscan,
             "1e-4 m, 1e-7°; XMP 15 digits of a rotation",
             lens=LENS,
         ),
         DeliveryFormat(
             "orthority",
-            "Orthority: interior parameters (YAML), exterior parameters (GeoJSON)",
             write_orthority,
             "17 digits",
             Freed(focal_length=True, radial=True),
@@ -116,14 +103,12 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "catalyst",
-            "Catalyst OrthoEngine: exterior orientations as text, distortion grids",
             write_catalyst,
             f"{_ANGLES}; grids 1e-3 µm",
             grid=True,
         ),
         DeliveryFormat(
             "distortion-grid",
-            "tables of the correction over the format of each camera, from measured to ideal points and back",
             write_distortion_grids,
             "1e-6 mm; shifts 1e-4 µm",
             grid=True,
@@ -131,14 +116,12 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
         ),
         DeliveryFormat(
             "geojson",
-            "GeoJSON in longitude and latitude: cameras, footprints, surveyed points",
             write_geojson,
             "1e-9°, 1e-4 m",
             points=True,
         ),
         DeliveryFormat(
             "kmz",
-            "KMZ for globes: cameras, footprints, surveyed points",
             write_kmz,
             "1e-8°, 1e-3 m",
             points=True,
