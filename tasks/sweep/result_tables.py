@@ -174,11 +174,11 @@ def variant_table(results: SweepResults) -> Table:
 
 
 def failure_table(results: SweepResults) -> Table:
-    """The scenarios without a result, and why."""
+    """The scenarios without a result, and why; variants that share a reason in one row."""
     failed = results.table[results.table["status"] != "done"]
     rows = tuple(
-        Row(scenario_key(row), (row["block"], row["control"], row["variant"], row["reason"]))
-        for _, row in failed.iterrows()
+        Row(scenario_key(own.iloc[0]), (str(block), str(control), ", ".join(own["variant"]), str(reason)))
+        for (block, control, reason), own in failed.groupby(["block", "control", "reason"], sort=False)
     )
     columns = tuple(text_column(name, name) for name in ("block", "control", "variant", "reason"))
     return Table("failures", "Scenarios that could not be computed", columns, rows)
