@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
+from tasks.evaluation.alternative_words import PRIOR
 from tasks.quantities import group_words, is_calibrated, quantity_words, shown
 from tasks.remarks.observation_sigmas import part_words
 from tasks.results.calibration_figures import StepComparisonFigure
@@ -58,14 +59,17 @@ class Evidence:
 
     def objections(self, limits: AcceptanceLimits) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Reasons to refuse the calibration, and restrictions, each the most serious first."""
+        wrong = _contradicted(self.residuals, limits)
+        calibrated = wrong[wrong["component"].map(is_calibrated).astype(bool)]
+        refusing = frozenset(zip(calibrated["quantity"], calibrated["entity"], strict=True))
         found = [
             *((True, sentence) for sentence in self.suspicions),
             *_of_restored(self.adjusted, limits),
-            *_of_model(self.adjusted, limits),
+            *_of_model(self.adjusted, limits, refusing),
             *_of_groups(self.adjusted, limits),
             *_of_components(self.adjusted, limits),
             *_of_rejections(self.residuals, self.images, limits),
-            *_of_priors(self.residuals, limits),
+            *_of_priors(wrong, self.adjusted),
             *_of_check_points(self.direct, limits),
             *_of_steps(self.steps, limits),
             *_of_gates(self.gates),
@@ -93,11 +97,21 @@ def model_refuses(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> bool
     return any(refuses for refuses, _ in _of_model(adjusted, limits))
 
 
-def _of_model(adjusted: AdjustmentFigures, limits: AcceptanceLimits) -> Iterator[Objection]:
-    """Significant alternatives of the model: refused if a parameter is moved too far, by one or by all."""
+def _of_model(
+    adjusted: AdjustmentFigures,
+    limits: AcceptanceLimits,
+    refusing: frozenset[tuple[str, str]] = frozenset(),
+) -> Iterator[Objection]:
+    """Significant alternatives of the model: refused if a parameter is moved too far, by one or by all.
+
+    Parameters
+    ----------
+    refusing : quantity and entity of findings that refuse anyway.
+    """
     together = (adjusted.moved_by_findings or 0.0) > limits.moved_sigmas
     for finding in adjusted.model_findings:
-        yield together or finding.moved_by > limits.moved_sigmas, finding.sentence
+        far = together or finding.moved_by > limits.moved_sigmas
+        yield far or (finding.quantity, finding.entity) in refusing, finding.sentence
     for item in adjusted.strip_scatter:
         unit, factor, _ = shown(item.unit)
         yield (
@@ -214,21 +228,28 @@ def _rejected(group: str, count: int, of: int, where: str) -> str:
     )
 
 
-def _of_priors(residuals: pd.DataFrame, limits: AcceptanceLimits) -> Iterator[Objection]:
-    """Given values that the flight contradicts; those of single strips only restrict, being few of many."""
+def _contradicted(residuals: pd.DataFrame, limits: AcceptanceLimits) -> pd.DataFrame:
+    """Residuals of given values that the flight contradicts, with entity and size in σ."""
     known = residuals[residuals["group"].str.startswith(_PRIOR) & residuals["standardized"].notna()]
-    if known.empty:
-        return
-    largest = float(special.ndtri(1.0 - 0.5 * limits.error_probability / len(known)))
-    known = known.assign(size=known["standardized"].abs())
-    for (_, component), own in known[known["size"] > largest].groupby(["group", "component"], sort=False):
+    largest = float(special.ndtri(1.0 - 0.5 * limits.error_probability / max(len(known), 1)))
+    wrong = known[known["standardized"].abs() > largest]
+    entity = [":".join(group.split(":")[2:]) for group in wrong["group"]]
+    return wrong.assign(size=wrong["standardized"].abs(), quantity=PRIOR + wrong["component"], entity=entity)
+
+
+def _of_priors(wrong: pd.DataFrame, adjusted: AdjustmentFigures) -> Iterator[Objection]:
+    """Contradicted values that no finding names; those of single strips only restrict, being few of many."""
+    named = {(item.quantity, item.entity) for item in adjusted.model_findings}
+    left = [key not in named for key in zip(wrong["quantity"], wrong["entity"], strict=True)]
+    for component, own in wrong[np.array(left, dtype=bool)].groupby("component", sort=False):
         worst = own.sort_values("size").to_dict("records")[-1]
+        unit, factor, _ = shown(worst["unit"])
         several = f" ({len(own)} of them)" if len(own) > 1 else ""
         yield (
             is_calibrated(str(component)),
             f"Given values of {quantity_words(str(component))} contradict the flight{several}: they differ "
-            f"by up to {abs(worst['residual']):.3g} {worst['unit']}, {worst['size']:.1f} times their σ "
-            f"({worst['sigma']:.3g} {worst['unit']}). Check adjustment.priors.",
+            f"by up to {abs(worst['residual']) * factor:.3g} {unit}, {worst['size']:.1f} times their σ "
+            f"({worst['sigma'] * factor:.3g} {unit}). Check adjustment.priors.",
         )
 
 

@@ -208,6 +208,24 @@ def test_what_moves_nothing_by_much_restricts(evidence: Evidence, words: str) ->
     assert FlightVerdict().beside(reasons, restrictions).verdict == "restricted"
 
 
+def test_a_given_value_that_contradicts_is_said_once_and_refuses_all_the_same() -> None:
+    finding = {**FINDING, "quantity": "prior_boresight_roll", "entity": "UC:1", "moved_by": 0.4}
+    table = contradicting("prior:boresight").replace("prior:boresight", "prior:boresight:UC:1")
+    evidence = replace(adjusted(model_findings=[finding], moved_by_findings=0.4), residuals=table)
+    assert evidence.objections(LIMITS) == ((FINDING["sentence"],), ())
+    (other,) = replace(GOOD, residuals=table).objections(LIMITS)[0]
+    assert other.startswith("Given values of boresight roll contradict the flight: they differ by")
+
+
+def test_strips_whose_given_biases_contradict_are_counted_in_one_sentence() -> None:
+    table = residuals()
+    strips = table.index[table["group"] == "prior:gnss_strip_bias"]
+    table.loc[strips, "group"] += [f":{k:02d}" for k in range(STRIPS)]
+    table.loc[strips[:3], "standardized"] = [9.0, 8.0, -10.0]
+    (sentence,) = replace(GOOD, residuals=table).objections(LIMITS)[1]
+    assert "contradict the flight (3 of them): they differ by up to 0.01 m, 10.0 times" in sentence
+
+
 def test_single_gross_errors_and_groups_that_say_little_are_no_evidence() -> None:
     assert replace(GOOD, residuals=rejected("control_points", 2)).objections(LIMITS) == ((), ())
     assert sigma0("control_points", 3.0, redundancy=5.0).objections(LIMITS) == ((), ())
