@@ -89,6 +89,7 @@ def _of_server(view: ServerView, now: datetime) -> Iterator[Metric]:
     states = [run.state for run in view.queue]
     for state in sorted({*states, "Running"}):
         queue.add_metric([state], states.count(state))
+    queue.add_metric(["further"], view.more)
     yield queue
     since = [start for run in view.queue if (start := run.waiting_since(now)) is not None]
     longest = max(((now - start).total_seconds() for start in since), default=0.0)

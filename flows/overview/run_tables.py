@@ -33,8 +33,9 @@ def queue_part(view: ServerView, inbox: Scheduled | None, now: datetime, dashboa
         parts.append(_table(head, [_queued(run, now, dashboard) for run in view.queue[:_SHOWN]]))
     else:
         parts.append(html.Div("No run is waiting or running.", className="empty"))
-    if len(view.queue) > _SHOWN:
-        parts.append(html.P(f"And {len(view.queue) - _SHOWN} more."))
+    more = max(len(view.queue) - _SHOWN, 0) + view.more
+    if more:
+        parts.append(html.P(f"And {more:,} more."))
     if view.next is not None:
         due, ahead = view.next.due.astimezone(), (view.next.due - now).total_seconds()
         when = f" at {due:%a %d %b %H:%M} (in {in_words(ahead)})."

@@ -73,30 +73,32 @@ class ServerView:
     reachable : whether it answers.
     queue : active and due runs, in their order.
     next : the next scheduled run; None: there is none.
+    more : active and due runs beyond those of the queue.
     """
 
     reachable: bool
     queue: tuple[QueuedRun, ...]
     next: QueuedRun | None
+    more: int = 0
 
 
 def server_view(api: Api, now: datetime) -> ServerView:
     """Ask the server."""
-    asked = {
-        "flow_runs": {"state": {"type": {"any_": list(_OPEN)}}},
-        "sort": "EXPECTED_START_TIME_ASC",
-        "limit": _MOST,
-    }
+    wanted: dict[str, Any] = {"state": {"type": {"any_": list(_OPEN)}}}
+    asked = {"flow_runs": wanted, "sort": "EXPECTED_START_TIME_ASC", "limit": _MOST}
+    due = {"flow_runs": {**wanted, "expected_start_time": {"before_": now.isoformat()}}}
+    # A server that hangs would be waited for as long as one that is busy.
+    if not api.is_well():
+        return ServerView(False, (), None)
     try:
         found = [_queued(run) for run in api.post("/flow_runs/filter", asked)]
+        count = api.post("/flow_runs/count", due) if len(found) == _MOST else 0
     except InstallationError:
         return ServerView(False, (), None)
     ahead = [run for run in found if run.begun is None and run.due > now]
-    return ServerView(
-        True,
-        _in_order(run for run in found if run not in ahead),
-        min(ahead, key=lambda run: run.due, default=None),
-    )
+    queue = _in_order(run for run in found if run not in ahead)
+    first = min(ahead, key=lambda run: run.due, default=None)
+    return ServerView(True, queue, first, max(count - len(queue), 0))
 
 
 def _queued(run: Mapping[str, Any]) -> QueuedRun:

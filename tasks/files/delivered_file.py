@@ -141,7 +141,7 @@ def require_none_replaced(targets: Iterable[Path], delivered: Iterable[str | Pat
     for target in targets:
         if target.resolve() in taken:
             raise Location(target).error(
-                "This is a delivered file, which the results would replace.", "Give another folder: --out."
+                "This is a delivered file, which the results would replace.", "Choose another output folder."
             )
 
 
@@ -150,7 +150,9 @@ def trouble_of_folder(folder: Path) -> InputError | None:
     there = next((place for place in (folder, *folder.absolute().parents) if is_there(place)), None)
     if there is None or there.is_dir():
         return None
-    return Location(there).error("This is a file, not a folder.", "Give --out another name.")
+    return Location(there).error(
+        "This is a file, not a folder.", "Rename it, or choose another output folder."
+    )
 
 
 def require_folder(folder: Path) -> None:

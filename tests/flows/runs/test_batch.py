@@ -118,6 +118,7 @@ def test_a_file_in_the_place_of_a_folder_is_wrong_input_of_its_project_alone(war
     rows = json.loads(done.stdout)
     assert [row["status"] for row in rows] == ["input_error", "done"]
     assert "This is a file, not a folder." in rows[0]["error"]
+    assert "--out" not in rows[0]["error"]
 
 
 def test_projects_that_are_not_there_share_no_folder(block: Path) -> None:
