@@ -7,8 +7,8 @@ line,
     σ² = σ_read² + S / g,      S: mean above the dark level, g: electrons for one grey value
 
 adjusted with weights from the variances of the variances, 2 σ⁴/n, until the weights stay. What was quantised
-to whole grey values carries 1/12 more, which is subtracted. The full well is the signal at which the variance
-is largest: beyond it pixels clip, and the variance falls.
+to whole grey values carries 1/12 more, which is subtracted but varies with the rest. The full well is the
+signal at which the variance is largest: beyond it pixels clip, and the variance falls.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def photon_transfer(
     ----------
     mean, variance, pixels : (m,) of the levels, as of `pair_statistics`.
     dark : grey value without light.
-    quantised : whether the images hold whole grey values.
+    quantised : whether the images hold whole grey values, as those of the sensor.
 
     Raises
     ------
@@ -77,7 +77,8 @@ def photon_transfer(
     """
     order = np.argsort(mean)
     signal, pixels = mean[order] - dark, pixels[order]
-    variance = variance[order] - (1.0 / 12.0 if quantised else 0.0)
+    rounding = 1.0 / 12.0 if quantised else 0.0
+    variance = variance[order] - rounding
     top = int(np.argmax(variance))
     clips = top < len(signal) - 1
     used = signal <= (_USED * signal[top] if clips else signal[top])
@@ -87,7 +88,7 @@ def photon_transfer(
     design = np.column_stack([np.ones_like(x), x])
     line = np.maximum(y, 1e-12)
     for _ in range(_ROUNDS):
-        weight = n / (2.0 * line**2)
+        weight = n / (2.0 * (line + rounding) ** 2)
         normal = np.linalg.inv((design.T * weight) @ design)
         (offset, slope) = normal @ ((design.T * weight) @ y)
         adjusted = np.maximum(design @ np.array([offset, slope]), 1e-12)

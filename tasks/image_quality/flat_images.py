@@ -128,8 +128,10 @@ def _require_alike(readers: Sequence[ImageReader]) -> None:
             )
 
 
-def middle_levels(paths: tuple[Path, Path]) -> Iterator[tuple[float, float, int]]:
+def middle_levels(paths: tuple[Path, Path]) -> Iterator[tuple[float, float, int, bool]]:
     """Mean, variance and number of pixels of two images of the same light in the middle, band by band.
+
+    The last is whether they are whole grey values, as those of the sensor: averages are not.
 
     Raises
     ------
@@ -142,7 +144,8 @@ def middle_levels(paths: tuple[Path, Path]) -> Iterator[tuple[float, float, int]
         about = readers[0].description
         rows, columns = (_middle(size) for size in (about.rows, about.columns))
         first, second = (reader.read(rows, columns) for reader in readers)
-        yield from (pair_statistics(first[band], second[band]) for band in range(about.bands))
+        for pair in zip(first, second, strict=True):
+            yield *pair_statistics(*pair), all(np.array_equal(one, np.rint(one)) for one in pair)
 
 
 def middle_means(paths: Sequence[Path]) -> Floats:

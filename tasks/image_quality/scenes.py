@@ -160,14 +160,16 @@ def _strips(reader: ImageReader) -> Iterator[tuple[int, Pixels, Strip]]:
         rows = (first, min(first + _STRIP + OVERLAP, about.rows))
         if first and rows[1] - first <= OVERLAP:
             return
-        pixels = reader.read(rows)
+        pixels, valid = reader.read(rows), reader.valid(rows)
+        if valid is not None and whole_numbers:
+            # A value that stands for no data is none of the sensor, and not the largest of it.
+            pixels = np.where(valid, pixels, pixels.dtype.type(0))
         grey: Strip = pixels.astype(np.float32)
         if not whole_numbers:
             grey[~np.isfinite(grey)] = np.nan
         else:
             clipped = [clipping_value(about, band) for band in pixels]
             grey[(pixels <= 0) | (pixels >= np.reshape(clipped, (-1, 1, 1)))] = np.nan
-        valid = reader.valid(rows)
         if valid is not None:
             _leave_out(grey, valid)
         yield first, pixels, grey

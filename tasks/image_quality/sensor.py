@@ -14,8 +14,9 @@ from adjust.arrays import Floats, Ints
 from adjust.image_quality.defects import Defects, defects
 from adjust.image_quality.light_response import light_fall_off, linearity
 from adjust.image_quality.photon_transfer import PhotonTransfer, photon_transfer
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.json_text import JSON
+from tasks.image_files.image_reader import described
 from tasks.image_quality.flat_images import FlatImages, flat_images, middle_levels, middle_means
 from tasks.settings.sensor_quality import PROTOCOL, SensorSettings
 from tasks.store.notes import Notes, write_notes
@@ -82,7 +83,9 @@ def examine_sensor(folder: Path, settings: SensorSettings) -> None:
     """
     tables = _Tables()
     bright = flat_images(settings.bright, settings.bright_limit, relative=True) if settings.bright else None
-    dark = flat_images(settings.dark, settings.dark_limit, relative=False) if settings.dark else None
+    dark = None
+    if settings.dark:
+        dark = flat_images(settings.dark, _dark_limit(settings, bright), relative=False)
     for band, tested in _by_band(bright, dark):
         _defects(tables, band, tested, settings)
     flat = bright or dark
@@ -107,6 +110,24 @@ def examine_sensor(folder: Path, settings: SensorSettings) -> None:
     if flat is not None:
         figures |= {"columns": flat.description.columns, "rows": flat.description.rows}
     write_notes(folder, Notes(remarks, {"sensor": figures}))
+
+
+def _dark_limit(settings: SensorSettings, bright: FlatImages | None) -> float | None:
+    """As it is set; None: 1 % of the largest grey value of the files.
+
+    Raises
+    ------
+    InputError
+        If that is not the largest one of the sensor: bright images, at half its range, use less of it.
+    """
+    about = described(settings.dark[0])
+    known = about.bits < 16 or bright is None or bool((bright.cells >= 0.25 * about.largest).any())
+    if settings.dark_limit is None and (not known or about.dtype.startswith("float")):
+        raise Location(about.path).error(
+            f"The largest grey value of the sensor is not that of its files, {about.largest:.6g}.",
+            "Set image_quality.sensor.dark_limit, grey values: 1 % of the largest value of the sensor.",
+        )
+    return settings.dark_limit
 
 
 def _write(folder: Path, schema: TableSchema, rows: list[Row]) -> None:
@@ -191,9 +212,9 @@ def _series(tables: _Tables, settings: SensorSettings) -> None:
     measured = [list(middle_levels(level.images)) for level in levels]
     dark = middle_means(settings.dark)
     for band in range(len(measured[0])):
-        mean, variance, pixels = np.array([level[band] for level in measured]).T
+        mean, variance, pixels, whole = np.array([level[band] for level in measured]).T
         try:
-            transfer = photon_transfer(mean, variance, pixels, float(dark[band]))
+            transfer = photon_transfer(mean, variance, pixels, float(dark[band]), quantised=bool(whole.all()))
             used = transfer.used[np.argsort(np.argsort(mean))]
             line = linearity(exposure[used], mean[used])
         except ValueError as error:

@@ -36,7 +36,9 @@ class SensorSettings(Settings):
     bright_limit: Positive = 0.3
     """Deviation from its neighbours in bright images above which a pixel is defect."""
     dark_limit: Positive | None = None
-    """The same in dark images, grey values. Default: 1 % of the largest grey value."""
+    """The same in dark images, grey values. Default: 1 % of the largest grey value of the files; required
+    where the sensor has fewer bits (12 of 16), or the files hold floating point.
+    """
     column_pixels: Annotated[Whole, Field(ge=1)] = 12
     """Defect pixels that a column may have without being defective."""
     column_distance: Annotated[Whole, Field(ge=1)] = 3
