@@ -292,8 +292,8 @@ def pattern_reasons(names: set[str], pattern: FlightPattern, limits: AcceptanceL
         those = listed([quantity_words(name) for name in turning])
         what = "one direction" if directions == 1 else f"{directions} directions"
         reasons.append(
-            f"Flown in {what} only ({direction_words(pattern)}), but {those} need {limits.headings}: also "
-            "fly the lines in the opposite direction, or cross lines."
+            f"Flown in {what} only ({direction_words(pattern)}), but {limits.headings} are needed for "
+            f"{those}: also fly the lines in the opposite direction, or cross lines."
         )
     both = {"principal_point", "lever_arm"} <= kinds
     if ("focal_length" in names or both) and pattern.height_ratio < limits.height_ratio:

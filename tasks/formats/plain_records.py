@@ -28,7 +28,7 @@ from tasks.plain_text import quoted, trouble_in
 # Elements of a rotation that were printed with four decimals and more.
 _ROTATION_TOLERANCE = 1e-3
 _TOGETHER = 20_000
-_REMEDY = "Give a name of ordinary characters."
+_REMEDY = "Give a name of ordinary characters, 255 at most."
 #: From camera axes x right, y down, z forward of computer vision to ours, x right, y up, z back, and back.
 CV_AXES = np.diag([1.0, -1.0, -1.0])
 

@@ -129,7 +129,7 @@ class TextTable:
             import pyarrow.compute as pc
 
             row = pc.index(column.indices, number).as_py()
-            raise self._error(row, trouble, f"Give a name of ordinary characters in '{name}'.")
+            raise self._error(row, trouble, f"Give a name of ordinary characters, 255 at most, in '{name}'.")
         return column
 
     def remarks(self, name: str) -> pa.Array:

@@ -234,9 +234,10 @@ def _strip_words(material: CertificateMaterial) -> str:
         prior = own["sigma_prior"].dropna()
         before = f", σ before {float(prior.median()):.3g} {unit}" if len(prior) else ""
         parts.append(f"{len(own)} values, RMS {rms:.3g} {unit}{before}")
+    count = strips["entity"].nunique()
     return (
         f"Estimated with them, but valid for this flight only: GNSS biases or drifts of "
-        f"{strips['entity'].nunique()} strips ({'; '.join(parts)}). The σ above include their uncertainty."
+        f"{count} strip{'s' * (count != 1)} ({'; '.join(parts)}). The σ above include their uncertainty."
     )
 
 

@@ -87,6 +87,7 @@ def _row_of(material: Material, cause: Cause, tables: Mapping[str, Table]) -> tu
 def cards(material: Material) -> tuple[Card, ...]:
     """σ0 of the whole and of the groups, RMS at check points, and the size of the block."""
     summary, figures = material.summary, material.figures
+    images = summary.counts.images
     groups = [
         f"{group_words(group.group)} {Number(group.sigma0, 2)}"
         for group in figures.groups
@@ -97,8 +98,8 @@ def cards(material: Material) -> tuple[Card, ...]:
         Card(f"{Number(summary.sigma0_px, 2)} px", "σ0 of an image coordinate"),
         _independent(material),
         Card(
-            f"{Number(summary.counts.images)}",
-            f"images with {Number(summary.counts.image_points)} image points",
+            f"{Number(images)}",
+            f"image{'s' * (images != 1)} with {Number(summary.counts.image_points)} image points",
         ),
         *((Card("", "σ0 by group: " + ", ".join(groups)),) if len(groups) > 1 else ()),
     )

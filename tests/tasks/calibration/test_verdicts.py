@@ -125,7 +125,7 @@ def test_one_direction_cannot_tell_the_principal_point_from_the_shift() -> None:
     bad = GOOD | {"principal_point_x": 4.9e-3, "gnss_shift_x": 0.048}
     verdicts, flight = judged(table(bad), pattern(headings=(90.0,)), principal_point_x__gnss_shift_x=-0.99)
     assert "strips flown in opposite or crossing directions" in verdicts["principal_point_x"].because
-    assert "Flown in one direction only (heading 90°)" in flight.reasons[0]
+    assert "Flown in one direction only (heading 90°), but 2 are needed for" in flight.reasons[0]
 
 
 def test_directions_are_asked_for_even_if_the_standard_deviations_are_reached() -> None:

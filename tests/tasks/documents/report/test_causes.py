@@ -348,6 +348,12 @@ def test_the_first_screen_says_what_a_difference_at_check_points_is_worth() -> N
     )
 
 
+@pytest.mark.parametrize(("images", "words"), [(1, "image with 2 image"), (2, "images with 2 image")])
+def test_the_first_screen_counts_a_single_image(images: int, words: str) -> None:
+    figures: dict[str, JSON] = {"counts": {"images": images, "image_points": 2}}
+    assert cards(_material(_residuals({}), figures))[3].words == f"{words} points"
+
+
 @pytest.mark.parametrize(("dz", "named"), [(0.3, False), (2.0, True)])
 def test_a_check_point_is_named_beside_a_single_error_that_cannot_have_moved_it_so_far(
     dz: float, named: bool
