@@ -295,6 +295,7 @@ def test_the_page_shows_the_figures_of_the_tables(check: Checked) -> None:
         for k, axis in enumerate(AXES):
             assert float(page.tables["independent"].numbers[key, axis].data) == found[key][k]
             assert float(page.tables["models"].numbers[key, axis].data) == found["in_models"][key][k]
+    assert f"{found['rmse_m'][2]:.3f} mRMS up" in page.text
     parallaxes = page.tables["parallaxes"].numbers
     assert float(parallaxes["rms", "found"].data) == found["y_parallax_rms_um"]
     assert float(parallaxes["max", "high"].data) == found["y_parallax_predicted_max_limit_um"]
