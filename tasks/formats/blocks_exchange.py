@@ -28,7 +28,7 @@ from tasks.errors import Location
 from tasks.formats.crs_definition import WELL_KNOWN
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.long_columns import LongNames, table_of
-from tasks.formats.named_entries import ImagesByName
+from tasks.formats.named_entries import ImagesByName, take_camera
 from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
@@ -95,7 +95,7 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
     InputError
         If there is none, numbers are missing, or one is not a perspective camera.
     """
-    found = {}
+    found: dict[str, PixelCamera] = {}
     for group in parsed_xml(path).iter("Photogroup"):
         name = group.findtext("Name") or "Photogroup"
         if (group.findtext("CameraModelType") or "Perspective") != "Perspective":
@@ -130,7 +130,7 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
                 0.5 * (rows - 1) - _number(path, point, "y"),
             )
         known = {f"brown-forward:{key}": value for key, value in given.items() if value}
-        found[name] = PixelCamera(int(columns), int(rows), c, offset, known)
+        take_camera(path, found, name, PixelCamera(int(columns), int(rows), c, offset, known))
     if not found:
         raise Location(path).error("There is no camera in the file.", "Export the photo groups.")
     return found

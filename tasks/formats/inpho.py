@@ -24,7 +24,7 @@ import numpy as np
 from tasks.errors import Location
 from tasks.formats.crs_definition import WELL_KNOWN
 from tasks.formats.long_columns import LongNames, table_of
-from tasks.formats.named_entries import NotTaken
+from tasks.formats.named_entries import NotTaken, take_camera
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     control_of,
@@ -264,10 +264,11 @@ def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:
     InputError
         With file and line: no camera, numbers missing, distortion, a camera turned against its image.
     """
-    found = {}
+    found: dict[str, CameraRecord] = {}
     for block in _blocks(path):
         if block.name in _CAMERAS:
-            found[block.name_of(path, "ID", "CAMERA_ID")] = _camera(path, _calibrated(block))
+            name = block.name_of(path, "ID", "CAMERA_ID")
+            take_camera(path, found, name, _camera(path, _calibrated(block)))
     if not found:
         raise Location(path).error("There is no camera in the file.", "Declare it in the project file.")
     return found

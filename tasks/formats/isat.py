@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tasks.errors import Location
 from tasks.formats.long_columns import table_of
-from tasks.formats.named_entries import NotTaken
+from tasks.formats.named_entries import NotTaken, take_camera
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import control_of, exposures_of, number_of, numbers_of
 from tasks.formats.records import (
@@ -159,7 +159,7 @@ def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:
     InputError
         With file and line: no camera, numbers missing, distortion.
     """
-    found = {}
+    found: dict[str, CameraRecord] = {}
     for entry in _entries(path, "camera_parameters"):
         _refuse_distortion(path, entry)
         (c,) = entry.numbers(path, "focal_length", 1, "the focal length")
@@ -168,7 +168,8 @@ def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:
         columns, rows = entry.numbers(path, "image_size_in_pixels", 2, "columns and rows")
         if not (columns.is_integer() and rows.is_integer()):
             raise Location(path, entry.line).error("The image has no whole number of pixels.", "Correct it.")
-        found[" ".join(entry.title)] = CameraRecord(int(columns), int(rows), pixel, c, (x0, y0))
+        camera = CameraRecord(int(columns), int(rows), pixel, c, (x0, y0))
+        take_camera(path, found, " ".join(entry.title), camera)
     if not found:
         raise Location(path).error("There is no camera in the file.", "Declare it in the project file.")
     return found

@@ -29,6 +29,7 @@ from adjust.errors import AdditionalParametersError
 from tasks.errors import InputError, Location
 from tasks.formats.homologous_points import homologous_points
 from tasks.formats.long_columns import table_of
+from tasks.formats.named_entries import take_camera
 from tasks.formats.packed_folder import PackedFolder, is_packed, packed_folder
 from tasks.formats.plain_records import (
     CV_AXES,
@@ -97,18 +98,18 @@ def read_micmac_cameras(path: Path) -> Mapping[str, PixelCamera]:
     content = read_bytes(path, "document")
     if is_packed(content):
         folder = packed_folder(path, content)
-        roots = {
-            PurePosixPath(name).stem: _parsed(folder, name)
+        roots = [
+            (PurePosixPath(name).stem, _parsed(folder, name))
             for name in folder.members
             if name.endswith(_TAIL) and not PurePosixPath(name).name.startswith(_HEAD)
-        }
+        ]
     else:
-        roots = {path.stem: parsed_xml_content(path, content)}
-    found = {}
-    for name, root in roots.items():
+        roots = [(path.stem, parsed_xml_content(path, content))]
+    found: dict[str, PixelCamera] = {}
+    for name, root in roots:
         element = root if root.tag == _CALIBRATION else root.find(f".//{_CALIBRATION}")
         if element is not None:
-            found[name] = _camera(path, element, name)
+            take_camera(path, found, name, _camera(path, element, name))
     if not found:
         raise Location(path).error(f"There is no <{_CALIBRATION}>.", "Deliver the calibration, AutoCal….xml.")
     return found

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath
+from typing import TypeVar
 from urllib.parse import unquote
 
 from tasks.errors import Location
 from tasks.plain_text import quoted, visible
 
+_Camera = TypeVar("_Camera")
 # Of what is not taken over, names that are shown, and their characters.
 _MOST_NAMED, _LONGEST = 30, 60
 
@@ -49,6 +51,21 @@ class ImagesByName:
                 f"{quoted(self._name[number])} has the same number, {number}.", "Export the images again."
             )
         return name
+
+
+def take_camera(path: Path, cameras: dict[str, _Camera], name: str, camera: _Camera) -> None:
+    """Add a camera of a file, which may be there again, to those by name.
+
+    Raises
+    ------
+    InputError
+        If another one has its name.
+    """
+    if cameras.setdefault(name, camera) != camera:
+        raise Location(path, entity=name).error(
+            "Two different cameras have this name: which of them took an image is not known.",
+            "Give each camera a name of its own in the program that wrote the file.",
+        )
 
 
 class NotTaken:

@@ -10,9 +10,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from tasks.errors import InputError
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
 from tasks.formats.native_csv import read_csv_control, read_csv_exposures, read_csv_image_points
+from tasks.formats.register import CAMERA_FORMATS
 from tasks.plain_text import LONGEST_NAME, trouble_in
+from tests.tasks.formats.packed_files import CALIBRATION, MICMAC_ORIENTATIONS, packed
+from tests.tasks.formats.sound_files import SOUND
 
 #: Names that something on the way may take for a number, nothing, or each other.
 TRICKY = (
@@ -98,3 +102,43 @@ def test_ign_readers_keep_every_name(folder: Path, examples: int) -> None:
 def _in_latin(name: str) -> bool:
     """Whether a name is the same in every encoding these files have."""
     return name.isascii() and len(name) <= LONGEST_NAME
+
+
+def _with_another(kind: str, text: str, begin: str, end: str, old: str, new: str) -> tuple[str, str, str]:
+    """Files of a format with its camera twice, the same and with another focal length."""
+    camera = text[text.index(begin) : text.index(end) + len(end)]
+    assert old in camera
+    return (
+        kind,
+        text.replace(camera, camera + "\n" + camera),
+        text.replace(camera, camera + "\n" + camera.replace(old, new)),
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "same", "other"),
+    [
+        _with_another(
+            "blocks-exchange", SOUND["camera", "blocks-exchange"], "<Photogroup>", "</Photogroup>",
+            "<FocalLength>100<", "<FocalLength>101<",
+        ),
+        _with_another(
+            "inpho", SOUND["camera", "inpho"], "$CAMERA_DEF", "    0 0 0 0\n$END", "100.5\n", "100.6\n"
+        ),
+        _with_another("isat", SOUND["camera", "isat"], "begin", "end camera_parameters", ": 100", ": 101"),
+        (
+            "micmac",
+            packed({**MICMAC_ORIENTATIONS, "Ori-B/AutoCal1.xml": CALIBRATION}),
+            packed({**MICMAC_ORIENTATIONS, "Ori-B/AutoCal1.xml": CALIBRATION.replace("<F>200", "<F>201")}),
+        ),
+    ],
+)  # fmt: skip
+def test_a_camera_is_not_replaced_by_another_one_of_its_name(
+    folder: Path, kind: str, same: str | bytes, other: str | bytes
+) -> None:
+    file = folder / "camera"
+    file.write_bytes(same if isinstance(same, bytes) else same.encode())
+    assert len(CAMERA_FORMATS[kind](file)) == 1
+    file.write_bytes(other if isinstance(other, bytes) else other.encode())
+    with pytest.raises(InputError, match="Two different cameras have this name"):
+        CAMERA_FORMATS[kind](file)
