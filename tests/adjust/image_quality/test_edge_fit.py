@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
-from adjust.image_quality.edge_fit import EdgeFit, fit_edge, straightness
-from adjust.image_quality.edge_model import resolution_factor
+from adjust.arrays import Floats
+from adjust.image_quality.edge_fit import VARIANCE, EdgeFit, fit_edge, straightness
+from adjust.image_quality.edge_model import edge_values, resolution_factor
 from adjust.image_quality.edge_samples import EdgeLine, samples_of
 from tests.adjust.image_quality.synthetic_edges import Kind, edge_image
 from tests.grids import diagonal_daily
@@ -35,8 +39,40 @@ def test_the_mean_factor_of_twenty_edges_is_right(slant: float, blur: float, noi
     assert abs(error) < 3.9 * of_mean + 0.001
 
 
+def test_the_stated_covariance_is_that_of_white_noise_in_the_pixels() -> None:
+    """Closed case: σ² (JᵀJ)⁻¹ with derivatives J of the model by differences, and σ of the residuals."""
+    image, line = edge_image(Kind(0.5, 11.0, 2.0), np.random.default_rng(5))
+    fit = fit_edge(samples_of(image + 0.5 * np.arange(image.shape[0])[:, None], line))
+
+    def model(values: Floats) -> Floats:
+        offset, angle, variance, dark, step, trend = values
+        edge = edge_values(fit.samples.across(angle, offset), variance, angle).value
+        return np.asarray(dark + step * edge + trend * fit.samples.along(angle))
+
+    def by_differences(function: Callable[[Floats], Any], steps: Floats) -> Floats:
+        moves = np.diag(steps)
+        return np.stack([(function(fit.values + m) - function(fit.values - m)) for m in moves], -1) / (
+            2.0 * steps
+        )
+
+    np.testing.assert_allclose(fit.residual, fit.samples.grey - model(fit.values), atol=1e-9)
+    assert fit.noise**2 == pytest.approx(float(fit.residual @ fit.residual) / (len(fit.residual) - 6))
+    steps = np.array([1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4])
+    jacobian = by_differences(model, steps)
+    expected = fit.noise**2 * np.linalg.inv(jacobian.T @ jacobian)
+    sigma = np.sqrt(np.diagonal(expected))
+    np.testing.assert_allclose(
+        fit.covariance / np.outer(sigma, sigma), expected / np.outer(sigma, sigma), atol=0.01
+    )
+    assert fit.sigma_blur == pytest.approx(sigma[VARIANCE] / (2.0 * fit.blur), rel=0.01)
+    slope = by_differences(
+        lambda values: resolution_factor(np.sqrt(values[VARIANCE : VARIANCE + 1]))[0], steps
+    )
+    assert fit.sigma_factor == pytest.approx(slope[VARIANCE] * sigma[VARIANCE], rel=0.01)
+
+
 @pytest.mark.parametrize("count", [50, pytest.param(120, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("noise", [1.0, 5.0])
+@pytest.mark.parametrize("noise", [pytest.param(1.0, marks=pytest.mark.slow), 5.0])
 def test_the_stated_sigmas_are_those_of_the_scatter(noise: float, count: int) -> None:
     fits = fits_of(Kind(0.5, 11.0, noise), seed=7, count=count)
     for scatter, stated in (

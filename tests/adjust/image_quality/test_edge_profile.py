@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
 from adjust.arrays import Floats
 from adjust.image_quality.edge_fit import EdgeFit, fit_edge
@@ -57,6 +59,21 @@ def test_edges_that_were_not_sharpened_are_not_flagged(slant: float, blur: float
     fits = fits_of(Kind(blur, slant, noise), seed=6)
     assert not edge_profile(normalized(fits)).sharpened
     assert not any(edge_profile(normalized([fit])).sharpened for fit in fits)
+
+
+def test_the_stated_sigma_of_a_width_is_that_of_the_coefficients() -> None:
+    """Closed case: derivatives of the width by differences, in a profile that is not symmetric."""
+    profile = edge_profile(normalized(fits_of(Kind(0.5, 9.0, 5.0), seed=8, count=2)))
+    spline, step = profile.spline, 0.004
+
+    def width(move: Floats) -> float:
+        return replace(profile, spline=BSpline(spline.t, spline.c + move, spline.k)).width()[0]
+
+    by_coefficients = np.array([width(move) - width(-move) for move in step * np.eye(len(spline.c))]) / (
+        2.0 * step
+    )
+    expected = np.sqrt(by_coefficients @ profile.covariance @ by_coefficients)
+    assert profile.width()[1] == pytest.approx(expected, rel=0.05)
 
 
 def test_the_stated_sigma_of_a_width_is_that_of_the_scatter() -> None:

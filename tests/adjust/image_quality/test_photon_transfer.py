@@ -41,9 +41,30 @@ def test_gain_read_noise_and_full_well_are_those_of_the_sensor(gain: float, read
     assert 0.2 < found.statistic < 3.0
 
 
+def test_the_stated_sigmas_are_those_of_a_weighted_line() -> None:
+    """Closed case: exact variances, of which each has the standard deviation √(2/n) of itself."""
+    signal, gain, read = np.linspace(300.0, 9_000.0, 8), 3.0, 15.0
+    pixels = np.geomspace(1e4, 1e6, 8)
+    for offset in ((read / gain) ** 2, -5.0):
+        variance = offset + signal / gain
+        found = photon_transfer(DARK + signal, variance + 1.0 / 12.0, pixels, DARK)
+        weight = 1.0 / (variance * np.sqrt(2.0 / pixels))
+        _, covariance = np.polyfit(signal, variance, 1, w=weight, cov="unscaled")
+        of_slope, of_offset = np.sqrt(np.diagonal(covariance))
+        assert found.gain == pytest.approx(gain)
+        assert found.sigma_gain == pytest.approx(gain**2 * of_slope)
+        if offset > 0.0:
+            by = np.array([-read * gain, gain**2 / (2.0 * read)])
+            assert found.read_noise == pytest.approx(read)
+            assert found.sigma_read_noise == pytest.approx(np.sqrt(by @ covariance @ by))
+        else:  # it may be as large as its σ
+            assert found.read_noise == 0.0
+            assert found.sigma_read_noise == pytest.approx(gain * np.sqrt(of_offset))
+
+
 def test_the_stated_sigmas_are_those_of_the_scatter() -> None:
     # The ratio does not depend on the number of pixels.
-    found = [curve(3.0, 15.0, seed, side=50) for seed in range(60)]
+    found = [curve(3.0, 15.0, seed, side=25) for seed in range(60)]
     for values, stated in (
         ([one.gain for one in found], [one.sigma_gain for one in found]),
         ([one.read_noise for one in found], [one.sigma_read_noise for one in found]),
