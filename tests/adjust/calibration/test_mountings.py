@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 from adjust.calibration.clusters import split_in_two
-from adjust.calibration.mountings import found_mountings
+from adjust.calibration.mountings import MountingRule, found_mountings
+from adjust.calibration.orientation_differences import SHIFT
 from adjust.calibration.strip_comparison import StripComparison, serial_increase
+from adjust.calibration.strip_offsets import body_fixed, map_fixed
 from tests.adjust.calibration.strips_flown import RULE, remounted, strips_flown
 from tests.grids import diagonal_daily
 
@@ -120,6 +122,81 @@ def test_the_comparison_of_two_flights_is_the_t_test_of_their_means() -> None:
     strips.mean[:, 0] = roll
     found = StripComparison.of(strips, strips.flight).probabilities(0, 1)
     assert found[0] == pytest.approx(stats.ttest_ind(roll[:4], roll[4:]).pvalue)
+
+
+def test_the_comparison_of_two_lever_arms_is_the_f_test_of_one_against_two() -> None:
+    """Closed case: in both models a GNSS shift of each flight, and a variance that correlation increases."""
+    strips = strips_flown(np.random.default_rng(8), (10, 10), correlation=0.8)
+    remounted(strips, strips.flight == 1, (0, 0, 0), (0.02, 0.01))
+    offset = strips.mean[:, SHIFT][:, :2].ravel()
+    shifts, arms = map_fixed(strips.flight), body_fixed(strips.heading, strips.flight)
+    squares = []
+    for of_arms in (arms, arms[:, :2] + arms[:, 2:]):
+        design = np.hstack([shifts, of_arms])
+        residual = offset - design @ np.linalg.lstsq(design, offset, rcond=None)[0]
+        squares.append(float(residual @ residual))
+        if of_arms is arms:
+            increase = serial_increase(residual.reshape(-1, 2), strips.flight)
+    assert increase > 1.2
+    statistic = (squares[1] - squares[0]) / 2.0 / (squares[0] / 32.0 * increase)
+    found = StripComparison.of(strips, strips.flight).probabilities(0, 1)
+    assert found[3] == pytest.approx(stats.f.sf(statistic, 2, 32))
+
+
+@pytest.mark.parametrize(("of_threshold", "mountings"), [(0.9, 2), (1.1, 1)])
+def test_flights_are_told_apart_at_their_part_of_the_error_probability(
+    of_threshold: float, mountings: int
+) -> None:
+    """A quarter of it is for the comparison of flights, a quarter of that for roll."""
+    strips = strips_flown(np.random.default_rng(16), (8, 8))
+    roll = strips.mean[:, 0]
+
+    def excess(move: float) -> float:
+        found = stats.ttest_ind(roll[:8], roll[8:] + move).pvalue
+        return float(found - of_threshold * RULE.error_probability / 16.0)
+
+    move = optimize.brentq(excess, roll[:8].mean() - roll[8:].mean(), 0.1)
+    strips.mean[8:, 0] += move
+    anything = MountingRule(RULE.error_probability, np.zeros(4), RULE.strip_sigma)
+    assert found_mountings(strips, anything).mounting.max() == mountings - 1
+
+
+@pytest.mark.parametrize(("of_threshold", "mountings"), [(0.9, 2), (1.1, 1)])
+def test_a_flight_is_cut_at_its_part_of_the_error_probability(of_threshold: float, mountings: int) -> None:
+    """The same for 13 places between 14 strips, which are not alike because they follow each other."""
+    strips = strips_flown(np.random.default_rng(17), (14,))
+    place = np.arange(14)
+    strips.mean[:, 0] = roll = np.abs(strips.mean[:, 0]) * (-1.0) ** place
+    behind = place >= 7
+
+    def least(move: float) -> float:
+        return min(float(stats.ttest_ind(*np.split(roll + move * behind, [k])).pvalue) for k in range(1, 14))
+
+    threshold = of_threshold * RULE.error_probability / (16.0 * 13.0)
+    move = optimize.brentq(lambda move: np.log(least(move) / threshold), 1e-5, 1e-3)
+    strips.mean[:, 0] = roll + move * behind
+    anything = MountingRule(RULE.error_probability, np.zeros(4), 1e-3 * RULE.strip_sigma)
+    assert found_mountings(strips, anything).mounting.max() == mountings - 1
+
+
+def test_none_of_the_strips_exceeds_its_limits_but_with_the_error_probability() -> None:
+    """Roll, pitch, yaw and two coordinates of forty strips, to both sides."""
+    exceeded = stats.norm.sf(RULE.beyond_chance(40) / RULE.strip_sigma)
+    np.testing.assert_allclose(2.0 * 5.0 * 40.0 * exceeded, RULE.error_probability)
+
+
+@pytest.mark.parametrize(("apart", "mountings"), [(1.3, 1), (1.5, 2)])
+def test_single_strips_are_of_one_mounting_if_two_strips_may_differ_by_as_much(
+    apart: float, mountings: int
+) -> None:
+    """√2 of what one strip may deviate by, for both have errors; here in roll and in pitch."""
+    strips = strips_flown(np.random.default_rng(18), (16,))
+    move = apart * RULE.beyond_chance(16)
+    strips.mean[4, 0], strips.mean[11, 1] = move[:2]
+    found = found_mountings(strips, RULE).mounting
+    assert found[4] == 1
+    assert found[11] == mountings
+    assert not np.delete(found, [4, 11]).any()
 
 
 def test_errors_common_to_neighbours_increase_the_variance() -> None:

@@ -37,6 +37,31 @@ def test_a_shift_against_none_is_the_f_test_of_a_mean() -> None:
     assert found.chi_squared == pytest.approx(stats.ttest_1samp(values, 0.0).statistic ** 2)
 
 
+def test_an_error_common_to_all_values_makes_the_test_of_their_mean_weaker() -> None:
+    """Closed case: the variance of the mean of twelve is s²/12 and that of the common error."""
+    values = np.random.default_rng(1).normal(0.3, 1.0, 12)
+    found = nested_test(np.zeros((12, 0)), np.ones((12, 1)), values, np.full((12, 12), 0.2))
+    statistic = values.mean() ** 2 / (values.var(ddof=1) / 12.0 + 0.2)
+    assert found.chi_squared == pytest.approx(statistic)
+    assert found.probability == pytest.approx(stats.f.sf(statistic, 1, 11))
+    # What is each value's own is in the scatter already.
+    own = nested_test(np.zeros((12, 0)), np.ones((12, 1)), values, 0.2 * np.eye(12))
+    assert own.chi_squared == pytest.approx(stats.ttest_1samp(values, 0.0).statistic ** 2)
+
+
+def test_known_errors_are_not_counted_twice_where_the_scatter_shows_them() -> None:
+    """Closed case: residuals as large as s² and the known errors make them; s² Q and theirs are left."""
+    random, variance = np.random.default_rng(2), 0.7
+    design, known = random.normal(size=(12, 3)), 0.1 + np.diag(random.uniform(0.0, 1.0, 12))
+    inverse = np.linalg.pinv(design)
+    left = np.eye(12) - design @ inverse
+    residual = left @ random.normal(size=12)
+    residual *= np.sqrt(np.trace(left @ (variance * np.eye(12) + known)) / (residual @ residual))
+    fit = linear_fit(design, design @ [1.0, 2.0, 3.0] + residual)
+    expected = variance * inverse @ inverse.T + inverse @ known @ inverse.T
+    np.testing.assert_allclose(fit.covariance(design, known), expected, atol=1e-12)
+
+
 def test_forward_is_east_for_a_strip_flown_to_the_east() -> None:
     design = body_fixed(np.array([np.pi / 2]), np.array([0]))
     np.testing.assert_allclose(design @ [1.0, 0.0], [1.0, 0.0], atol=1e-15)
@@ -70,11 +95,15 @@ def test_an_offset_of_each_kind_is_called_what_it_is() -> None:
 
 @pytest.mark.parametrize("trials", [200, pytest.param(4000, marks=pytest.mark.slow)])
 def test_without_an_offset_none_is_called_for_with_the_stated_probability(trials: int) -> None:
-    """A lever arm and a shift in 2.5 % each."""
-    found = verdicts(trials)
-    called = found["body"] + found["map"] + found["both"]
+    """A lever arm and a shift in 2.5 % each; any other probability comes as often as it says."""
+    found = [separation(seed) for seed in range(trials)]
+    for name, of_it in (("lever_arm", ("body", "both")), ("shift", ("map", "both"))):
+        probability = np.array([item.tests[name].probability for item in found])
+        np.testing.assert_array_equal([item.verdict in of_it for item in found], probability < 0.025)
+        assert stats.kstest(probability, "uniform").pvalue > 1e-3
+    called = sum(item.verdict in ("body", "map", "both") for item in found)
     assert abs(called - 0.05 * trials) < 4.0 * np.sqrt(trials * 0.05 * 0.95)
-    assert found["neither"] > 0.9 * trials
+    assert sum(item.verdict == "neither" for item in found) > 0.9 * trials
 
 
 @pytest.mark.parametrize("flights", [70, pytest.param(200, marks=pytest.mark.slow)])

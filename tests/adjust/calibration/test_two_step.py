@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import optimize, stats
 
 from adjust.calibration.orientation_differences import (
     OrientationDifferences,
@@ -175,6 +175,24 @@ def test_strips_of_another_mounting_are_found_and_kept_out_of_the_mean() -> None
     assert other.strips == 2
 
 
+def test_two_strips_of_another_mounting_have_at_least_the_scatter_of_the_others() -> None:
+    """Their own hides in one that two agree by chance; in plan it is that of one coordinate."""
+    differences = flown(headings_deg=(0, 180) * 7)
+    twins = differences.strip == 3, differences.strip == 5
+    for values in (differences.misalignment, differences.lever_arm, differences.shift):
+        values[twins[1]] = values[twins[0]]
+    remounted(differences, [3, 5], [-0.3, -0.4, 0.0])
+    result = two_step_calibration(differences, RULE)
+    other, between = result.others[0], result.main.between
+    assert other.strips == 2
+    in_plan = min(np.linalg.norm(between[3:5]), np.linalg.norm(between[6:8])) / np.sqrt(2.0)
+    expected = np.concatenate([between[:3], [in_plan] * 2, between[5:6], [in_plan] * 2, between[8:]])
+    np.testing.assert_allclose(other.sigma, expected / np.sqrt(2.0))
+    np.testing.assert_array_equal(other.freedom, 11)
+    np.testing.assert_array_equal(result.main.freedom, 11)
+    np.testing.assert_array_equal(result.main.sigma, result.main.mean.robust_sigma)
+
+
 def test_a_strip_with_a_gnss_error_of_some_centimetres_is_outlying_and_no_mounting() -> None:
     differences = flown(headings_deg=(0, 180) * 7)
     remounted(differences, [5], [0.10, 0.0, 0.0])
@@ -215,6 +233,19 @@ def test_extreme_deviates_agree_with_the_example_of_rosner() -> None:
     """Rosner (1983), 54 values: three outliers at 5 %, although the second alone would not be one."""
     values = np.fromstring(ROSNER, sep=" ")
     assert sorted(values[extreme_deviates(values, 0.05)]) == [5.34, 5.42, 6.01]
+
+
+def test_a_single_outlier_is_called_one_beyond_the_critical_value_of_grubbs() -> None:
+    """Grubbs (1969): 2.709 of 20 values at 5 %, two-sided."""
+    others = stats.norm.ppf((np.arange(19) + 0.5) / 19)
+
+    def deviate(value: float) -> float:
+        values = np.append(others, value)
+        return float((value - values.mean()) / values.std(ddof=1))
+
+    for size, outlying in ((2.704, False), (2.714, True)):
+        value = optimize.brentq(lambda value, size=size: deviate(value) - size, 2.0, 20.0)
+        assert bool(extreme_deviates(np.append(others, value), 0.05).any()) is outlying
 
 
 def test_a_drift_is_the_change_over_the_strip() -> None:
