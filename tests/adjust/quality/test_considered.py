@@ -29,7 +29,7 @@ from adjust.parameters import (
 from adjust.quality.considered import contradiction_of_prior, with_considered
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.control_checks import k_fold, leave_one_out
-from adjust.quality.detectability import NON_CENTRALITY
+from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.quality.model_alternatives import ParameterAlternative
 from adjust.quality.observation_parts import Division, parts_of
@@ -502,6 +502,28 @@ def test_the_statistic_has_the_distribution_it_is_compared_with() -> None:
     low, high = stats.chi2.ppf([5e-4, 1.0 - 5e-4], 2000 * freedom) / 2000
     assert low < np.mean([item.statistic for item in drawn]) < high
     assert 0.035 < np.mean([item.probability < 0.05 for item in drawn]) < 0.065
+
+
+def test_statistics_of_whole_observations_have_the_covariance_of_held_and_considered_together() -> None:
+    """T = uᵀ C⁻¹ u, as the |w| of the same probability."""
+    scene = two_strips(additional=True, noise_seed=3, start_seed=4, **CASES["five control points"])
+    case = dense(scene, known())
+    remainder = np.eye(len(case.l)) - case.a @ case.q @ case.a.T
+    both = remainder + case.moved @ case.c @ case.moved.T
+    residual, groups = -remainder @ case.l, case.adjusted.observations.groups
+    found = snooping_statistics(case.adjusted, SnoopingRule(3.29, "observations"))
+    compared = set()
+    for group, first, ours in zip(groups, case.design.row_start, found, strict=False):
+        n, m = group.stochastic.present.shape
+        rows = first + np.arange(n * m).reshape(n, m)
+        cofactor = both[rows[:, :, None], rows[:, None, :]]
+        told = group.stochastic.present.all(axis=1) & (np.linalg.eigvalsh(cofactor)[:, 0] >= UNCONTROLLED)
+        if group.name in ("image_points", "control_points", "gnss_positions", "ins_attitudes"):
+            weighted = np.linalg.solve(cofactor[told], residual[rows[told]][:, :, None])[:, :, 0]
+            tail = stats.chi2.sf(np.sum(residual[rows[told]] * weighted, axis=1), m)
+            np.testing.assert_allclose(ours[told], stats.norm.isf(0.5 * tail), rtol=1e-4, atol=1e-6)
+            compared.add(group.name)
+    assert len(compared) == 4
 
 
 def test_robust_estimation_begins_with_the_statistics_of_the_ordinary_adjustment() -> None:

@@ -94,3 +94,12 @@ def test_two_rays_explain_a_misfit_equally_well() -> None:
 
 def test_a_single_explanation_locates_nothing() -> None:
     assert not Explanations(np.array([4]), np.array([50.0]), np.array([7.0]), np.array([7.0])).is_located
+
+
+@pytest.mark.parametrize(("likelier", "located"), [(19.0, False), (21.0, True)])
+def test_a_ray_is_located_that_is_twenty_times_as_likely_to_be_wrong_as_any_other(
+    likelier: float, located: bool
+) -> None:
+    statistic = 30.0 + np.array([0.0, 2.0 * np.log(likelier), -3.0])
+    found = Explanations(np.arange(3), statistic, np.sqrt(statistic), np.sqrt(statistic))
+    assert found.is_located is located

@@ -26,6 +26,7 @@ from adjust.quality.trace_matrix import trace_matrix
 from adjust.quality.variance_components import (
     PartSums,
     reweighted,
+    robust_factors,
     variance_factors,
 )
 from adjust.result import AdjustmentResult, ObservationStatus
@@ -385,6 +386,28 @@ def test_probed_traces_count_shared_readings_by_their_shares(dense: Callable[...
     probed = trace_matrix(system, solution, parts, np.maximum(redundancy, 1.0))
     size = np.sqrt(np.outer(np.diagonal(exact), np.diagonal(exact)))
     assert np.abs((probed - exact) / size).max() < 0.1
+
+
+def test_a_shared_reading_counts_once_in_the_sigma0_of_its_group_and_in_the_median() -> None:
+    """Readings of two heads: each has half of an observation, √2 of its σ, and r near 1."""
+    scene = two_strips(noise_seed=4)
+    result = adjust_block(scene.block, scene.observations)
+    adjusted = Adjusted(result.system, result.solution, ())
+    number = next(k for k, item in enumerate(result.groups) if isinstance(item.group, GnssPositions))
+    own: Any = result.groups[number]
+    half = replace(own.group.stochastic, share=np.full(len(own.residual), 0.5))
+    shared = replace(own, group=replace(own.group, stochastic=half))
+    assert shared.sigma0 == pytest.approx(np.sqrt(2.0) * own.sigma0)
+    parts = parts_of(adjusted.observations)
+    others = tuple(
+        replace(group, stochastic=half) if isinstance(group, GnssPositions) else group
+        for group in adjusted.observations.others
+    )
+    halved = replace(adjusted.observations, others=others)
+    one, other = (
+        robust_factors(given, adjusted.residuals, parts) for given in (adjusted.observations, halved)
+    )
+    np.testing.assert_allclose(other / one, [np.sqrt(2.0) if part.group == number else 1.0 for part in parts])
 
 
 def test_the_fixed_point_is_that_of_helmerts_rigorous_estimate(dense: Callable[..., Any]) -> None:
