@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from rich.console import Console
+from scipy import stats
 
 from flows.command.result_table import result_table
 from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
@@ -57,6 +58,12 @@ def test_check_points_that_agree_are_within_limits_made_of_their_own_sigmas(bloc
         # Points of one block err together: their mean is less certain than of independent ones.
         assert found["predicted_mean_sigma_m"][k] > found["predicted_rmse_m"][k] / 2.0
         assert found["predicted_low_m"][k] < found["rmse_m"][k] < found["predicted_high_m"][k]
+        # Six figures, each to both sides.
+        tail, freedom = (1.0 - found["confidence"]) / 12.0, found["degrees_of_freedom"][k]
+        limits = found["predicted_rmse_m"][k] * np.sqrt(stats.chi2.ppf([tail, 1.0 - tail], freedom) / freedom)
+        assert [found["predicted_low_m"][k], found["predicted_high_m"][k]] == pytest.approx(limits.tolist())
+        limit = found["predicted_mean_sigma_m"][k] * stats.norm.isf(tail)
+        assert found["mean_limit_m"][k] == pytest.approx(limit)
     assert found["over_limit"] < 1.0
     assert summary["status"] == "done"
     assert not any("check points are" in text for text in outcome.summary.problems)

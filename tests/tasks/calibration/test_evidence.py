@@ -246,6 +246,26 @@ def test_what_speaks_against_a_flight_stands_before_its_sigmas() -> None:
     assert verdict.remarks == ("a remark",)
 
 
+@pytest.mark.parametrize("figure", ["mean_m", "rmse_m"])
+def test_each_figure_of_check_points_has_a_sixth_of_the_error_probability(figure: str) -> None:
+    """A mean to both sides in units of its σ, a root mean square of thirty errors to one."""
+    probability = LIMITS.error_probability / 6.0
+    limit = {
+        "mean_m": 0.2 * stats.norm.isf(0.5 * probability),
+        "rmse_m": np.sqrt(stats.chi2.isf(probability, 30) / 30.0),
+    }[figure]
+    good = {
+        "rmse_m": [1.0] * 3,
+        "predicted_rmse_m": [1.0] * 3,
+        "degrees_of_freedom": [30.0] * 3,
+        "mean_m": [0.0] * 3,
+        "predicted_mean_sigma_m": [0.2] * 3,
+    }
+    for part, objections in ((0.999, 0), (1.001, 1)):
+        found = checked(**(good | {figure: [*good[figure][:2], part * limit]}))
+        assert len(found.objections(LIMITS)[0]) == objections
+
+
 def test_good_check_points_are_objected_to_as_seldom_as_is_said() -> None:
     """Means and root mean squares along three axes are six tests, which share the probability."""
     random, points, trials = np.random.default_rng(4), 30, 600
