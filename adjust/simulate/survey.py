@@ -66,7 +66,7 @@ def survey_of(layouts: tuple[SurveyLayout, ...], rectangle: Floats) -> Survey:
     for layout in layouts:
         place = _places(layout, rectangle)
         is_check = np.ones(len(place), dtype=bool)
-        is_check[spread_order(place)[: layout.control]] = False
+        is_check[spread_order(place, layout.control)] = False
         places.append(place)
         present.append(np.tile(np.array(_PRESENT[layout.kind]), (len(place), 1)))
         checks.append(is_check)
@@ -85,7 +85,7 @@ def _places(layout: SurveyLayout, rectangle: Floats) -> Floats:
         return np.asarray(low + size * along_border(layout.count))
     if layout.layout == "spread":
         candidates = low + size * _grid(_CANDIDATES, _CANDIDATES)
-        return np.asarray(candidates[spread_order(candidates)[: layout.count]])
+        return np.asarray(candidates[spread_order(candidates, layout.count)])
     return np.array(layout.places, dtype=np.float64).reshape(-1, 2)
 
 
@@ -105,22 +105,23 @@ def along_border(count: int) -> Floats:
     return np.stack([x, y], -1)
 
 
-def spread_order(place: Floats) -> Ints:
-    """Order (k,) in which every next point is the farthest from those before it.
+def spread_order(place: Floats, most: int | None = None) -> Ints:
+    """Order (k,) in which every next point is the farthest from those before it; at most so many of them.
 
     Distances are parts of the sides of the area. The first is the farthest from the middle, so the first
     four of a rectangle lie in its corners, and the first m are a well spread choice for every m, each
     containing the smaller ones.
     """
-    if len(place) == 0:
+    number = len(place) if most is None else min(most, len(place))
+    if number == 0:
         return np.empty(0, dtype=np.int64)
     low, high = place.min(axis=0), place.max(axis=0)
     part = (place - 0.5 * (low + high)) / np.maximum(high - low, 1e-9)
     order = [int(np.argmax(np.hypot(*part.T)))]
     distance = np.hypot(*(part - part[order[0]]).T)
     distance[order[0]] = -1.0
-    while len(order) < len(place):
+    while len(order) < number:
         order.append(int(np.argmax(distance)))
         distance = np.minimum(distance, np.hypot(*(part - part[order[-1]]).T))
-        distance[order] = -1.0
+        distance[order[-1]] = -1.0
     return np.array(order, dtype=np.int64)

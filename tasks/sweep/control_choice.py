@@ -72,7 +72,7 @@ def _usable(surveyed: pd.DataFrame, measured: pd.DataFrame) -> Bools:
 
 def _even(place: Floats, count: int) -> Ints:
     """Indices of points, each as far as possible from the preceding ones."""
-    return spread_order(place)[:count]
+    return spread_order(place, count)
 
 
 def _border(place: Floats, count: int) -> Ints:

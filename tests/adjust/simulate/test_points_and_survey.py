@@ -61,7 +61,11 @@ def test_fewer_control_points_are_a_part_of_more_and_the_first_four_are_corners(
     assert chosen[0] < chosen[1] < chosen[2] < chosen[3]
     corners = {0, 11, 72, 83}
     place = survey_of((layouts[0],), SQUARE).place
-    assert set(spread_order(place)[:4].tolist()) == corners
+    whole = spread_order(place)
+    assert set(whole[:4].tolist()) == corners
+    assert sorted(whole) == list(range(len(place)))
+    for most in (0, 1, 30, len(place) + 1):
+        np.testing.assert_array_equal(spread_order(place, most), whole[:most])
 
 
 def test_a_spread_layout_leaves_no_two_points_close() -> None:
