@@ -51,6 +51,10 @@ for name in ("PREFECT_API_URL", "PREFECT_PROFILE"):
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# By default the collector of cycles looks after every 700 new objects. One table of pandas makes more, and
+# what is made while tests are collected lives to the end.
+gc.set_threshold(50_000)
+
 # Waiting for the disk takes a tenth of the time of tests that store results, and no test cuts the power.
 # Programs that tests start, and kill, do wait.
 os.fsync = lambda _: None
@@ -77,13 +81,9 @@ def pytest_collection(session: pytest.Session) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Keep the collector of cycles from what lives to the end anyway; the command does the same.
-
-    By default it looks after every 700 new objects, and one table of pandas makes more.
-    """
+    """Keep the collector of cycles from what lives to the end anyway; the command does the same."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000)
 
 
 #: Folders of tests that need hardly any compiled kernel.

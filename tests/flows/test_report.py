@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import subprocess
@@ -360,7 +361,7 @@ def require_equal(reported: Reported) -> int:
             if value is None or np.isnan(value):
                 assert (cell.data, cell.shown) == ("", "–"), (name, key, column)
             else:
-                assert float(cell.data) == pytest.approx(value, rel=1e-9, abs=1e-12), (name, key, column)
+                assert math.isclose(float(cell.data), value, rel_tol=1e-9, abs_tol=1e-12), (name, key, column)
                 require_rounded(cell.data, cell.shown)
             compared += 1
     shown = {(name, *place) for name, table in page.tables.items() for place in table.numbers}
