@@ -63,16 +63,16 @@ class ConsideredErrors:
     @cached_property
     def most_probable(self) -> Floats:
         """The k errors for which the residuals speak, with their unit variances: (1 + RᵀS̃R)⁻¹ Rᵀ B̃ᵀ P v."""
-        return np.asarray(self.remaining_root @ self.remaining_root.T @ self._told)
+        return np.asarray(self.remaining_root @ self.remaining_root.T @ self._evidence)
 
     @cached_property
     def remaining_root(self) -> Floats:
         """(k, k) root of their covariance after that, (1 + RᵀS̃R)⁻¹."""
-        inverse = np.linalg.inv(np.linalg.cholesky(np.eye(len(self._told)) + self._information_of_errors))
+        inverse = np.linalg.inv(np.linalg.cholesky(np.eye(len(self._evidence)) + self._information_of_errors))
         return np.asarray(inverse.T)
 
     @property
-    def _told(self) -> Floats:
+    def _evidence(self) -> Floats:
         """Rᵀ B̃ᵀ P v (k,) of the residuals v, adjusted − observed, which the score has as misclosures."""
         return np.asarray(-self.known.root.T @ self.score)
 
@@ -83,7 +83,7 @@ class ConsideredErrors:
     def left(self, weighted_squares: float, redundancy: float) -> tuple[float, float]:
         """What the most probable errors leave of vᵀPv and n − u of all observations."""
         errors, information = self.most_probable, self._information_of_errors
-        squares = weighted_squares - 2.0 * errors @ self._told + errors @ information @ errors
+        squares = weighted_squares - 2.0 * errors @ self._evidence + errors @ information @ errors
         return float(squares), redundancy - float(
             np.sum((information @ self.remaining_root) * self.remaining_root)
         )
