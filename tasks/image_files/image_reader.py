@@ -129,15 +129,17 @@ class ImageReader:
     description: ImageDescription
     dataset: Any
 
-    def read(self, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> Pixels:
-        """Pixels (bands, r, c) of a window; columns None: all.
+    def read(
+        self, rows: tuple[int, int], columns: tuple[int, int] | None = None, out: Pixels | None = None
+    ) -> Pixels:
+        """Pixels (bands, r, c) of a window; columns None: all; written to `out` if it is given.
 
         Raises
         ------
         InputError
             If the file is damaged there.
         """
-        return np.asarray(self._of_file(self.dataset.read, rows, columns))
+        return np.asarray(self._of_file(self.dataset.read, rows, columns, out=out))
 
     def valid(self, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> Bools | None:
         """Which pixels (1 or bands, r, c) of a window are valid; None: all are.

@@ -9,9 +9,10 @@ from typing import TypeAlias
 
 import numpy as np
 
+from adjust.arrays import Bools
 from adjust.resampling.pixel_map import PixelMap
 from adjust.resampling.resampled import Resampling, SourceRows, Values, needed_rows, resampled
-from tasks.image_files.image_reader import ImageDescription, ImageReader
+from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels
 from tasks.image_files.image_writer import image_like
 
 #: Told how much of an image is done, 0 to 1.
@@ -77,25 +78,44 @@ class _RollingRows:
         begin = first // self._step * self._step
         end = min(-(-last // self._step) * self._step, self._source.description.rows)
         held = self._held
+        # What is not needed any more makes room before more is read.
         if held is None or not held.first <= first < _end(held):
-            held = self._read(begin, end)
+            self._held = held = None
+            self._held = self._read(begin, end)
         elif end > _end(held):
-            # What is not needed any more makes room before more is read.
-            held = self._held = _from(held, first)
-            held = _joined(held, self._read(_end(held), end))
-        self._held = held
-        return held
+            self._held, held = _from(held, first), None
+            self._held = self._read(first, end)
+        assert self._held is not None
+        return self._held
 
-    def _read(self, first: int, last: int) -> SourceRows:
+    def _read(self, first: int, end: int) -> SourceRows:
+        """Rows from first to below end; those that are held, the first ones, are moved."""
+        about, held, valid = self._source.description, self._held, None
+        pixels = np.empty((about.bands, end - first, about.columns), about.dtype)
+        known, known_valid = 0, None
+        if held is not None:
+            known, known_valid = int(held.pixels.shape[1]), held.valid
+            pixels[:, :known] = held.pixels
+            self._held = held = None
+        self._source.read((first + known, end), out=pixels[:, known:])
+        found = self._valid(first + known, end, pixels[:, known:])
+        if found is not None:
+            valid = found if known_valid is None else np.concatenate([known_valid, found], axis=1)
+        return SourceRows(pixels, valid, first, about.rows)
+
+    def _valid(self, first: int, end: int, pixels: Pixels) -> Bools | None:
+        """Which pixels are valid; of a value the pixels say it, without decoding the file once more."""
         about = self._source.description
-        pixels, valid = self._source.read((first, last)), self._source.valid((first, last))
         if np.issubdtype(pixels.dtype, np.floating):
-            is_number = np.isfinite(pixels)
+            valid, is_number = self._source.valid((first, end)), np.isfinite(pixels)
             if about.validity in ("mask", "alpha"):
                 # A mask is one for all bands.
                 is_number = np.asarray(is_number.all(axis=0, keepdims=True))
-            valid = is_number if valid is None else is_number & valid
-        return SourceRows(pixels, valid, first, about.rows)
+            return is_number if valid is None else np.asarray(is_number & valid)
+        value = about.nodata if about.validity == "nodata" else None
+        if value is not None and set(self._source.dataset.nodatavals) == {value}:
+            return np.asarray(pixels != pixels.dtype.type(value))
+        return self._source.valid((first, end))
 
 
 def _end(rows: SourceRows) -> int:
@@ -107,14 +127,6 @@ def _from(rows: SourceRows, first: int) -> SourceRows:
     kept = slice(first - rows.first, None)
     valid = None if rows.valid is None else rows.valid[:, kept].copy()
     return SourceRows(rows.pixels[:, kept].copy(), valid, first, rows.all_rows)
-
-
-def _joined(upper: SourceRows, lower: SourceRows) -> SourceRows:
-    valid = None
-    if upper.valid is not None and lower.valid is not None:
-        valid = np.concatenate([upper.valid, lower.valid], axis=1)
-    pixels = np.concatenate([upper.pixels, lower.pixels], axis=1)
-    return SourceRows(pixels, valid, upper.first, upper.all_rows)
 
 
 def _values(about: ImageDescription) -> Values:
