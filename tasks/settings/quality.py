@@ -46,6 +46,15 @@ class Gate(Settings):
     max: Positive | None = None
     """Largest value that passes."""
 
+    @model_validator(mode="after")
+    def _can_be_passed(self) -> Gate:
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise trouble(
+                f"No value passes a gate whose min {self.min:g} is more than its max {self.max:g}.",
+                "Exchange the two, or correct one of them.",
+            )
+        return self
+
 
 class AxisGate(Settings):
     """Limit of a figure with three components x, y, z, in metres."""

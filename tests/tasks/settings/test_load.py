@@ -353,6 +353,7 @@ def test_deep_tables_are_refused_in_their_line(write, deep):
         ("=1", "not a key"),
         ("inputs.image_points." + "9" * 5_000 + ".unit=px", "not one of them"),
         ("gates.sigma0.min=nan", "not finite"),
+        ("gates.sigma0={min=2, max=1}", "No value passes a gate whose min 2 is more than its max 1"),
         ("inputs.control.file=" + "x" * 300, "There is no file"),
         ("inputs.control.file=~nobody-of-this-name/x", "no user"),
     ],
