@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias, cast
@@ -70,8 +71,16 @@ def begin_project(folder: Path) -> Inventory:
     files = (*read, *(FoundFile(folder, (), _RESULTS) for folder in sorted(results) if folder != root))
     _refuse_nothing(files, root)
     text = project_text(root.name, files, root)
-    with writing_into(root), target.open("x", encoding="utf-8") as stream:
-        stream.write(text)
+    # Whole or not at all: half of one would be a project file that is never overwritten.
+    part = target.with_name(f".{PROJECT_FILE}.part")
+    with writing_into(root):
+        try:
+            part.write_text(text, encoding="utf-8")
+            part.rename(target)
+        except OSError:
+            with suppress(OSError):
+                part.unlink()
+            raise
     declared = [line for line in text.splitlines() if not line.startswith("#")]
     return Inventory(target, files, sum(line.count('"DECLARE: ') for line in declared))
 

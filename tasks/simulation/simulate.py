@@ -6,6 +6,7 @@ The project knows nothing of the simulation: it is what a client would deliver. 
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +25,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 from tasks.errors import InputError, Location
 from tasks.files.delivered_file import require_folder
-from tasks.files.installation import writing_into
+from tasks.files.installation import InstallationError, writing_into
 from tasks.settings.simulation import SimulatedFilm, Simulation
 from tasks.simulation.simulated_project import project_text
 from tasks.simulation.simulated_sbet import write_trajectories
@@ -76,8 +77,13 @@ def simulate_project(simulation: Simulation, folder: Path) -> SimulatedFiles:
             "No point is measured in any image.",
             "Change [flight] or [points], or make the errors of [truth.image_errors] smaller.",
         )
-    with writing_into(folder):
-        _write(folder, simulation, block)
+    before = set(folder.iterdir()) if folder.is_dir() else set()
+    try:
+        with writing_into(folder):
+            _write(folder, simulation, block)
+    except (InstallationError, OSError):
+        _remove_new(folder, before)
+        raise
     truth = block.truth
     check = int(truth.is_check.sum())
     return SimulatedFiles(
@@ -106,6 +112,17 @@ def _write(folder: Path, simulation: Simulation, block: SimulatedBlock) -> None:
         write_trajectories(folder, block, frame, simulation.trajectory.sbet_hz)
     _write_control(folder / "control.csv", block, map_frame, frame)
     (folder / "project.toml").write_text(project_text(simulation, block), encoding="utf-8")
+
+
+def _remove_new(folder: Path, before: set[Path]) -> None:
+    """Remove what was written into a new folder before the disk was full."""
+    if before or not folder.is_dir():
+        return
+    for path in folder.iterdir():
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 def _refuse_foreign(folder: Path) -> None:

@@ -121,13 +121,13 @@ IMAGE_ERRORS = TableSchema(
 def write_truth(
     folder: Path, simulation: Simulation, block: SimulatedBlock, map_frame: MapFrame, frame: AdjustmentFrame
 ) -> None:
-    """Write all tables of the truth and the complete specification."""
+    """Write all tables of the truth and the specification, by which a simulation knows its folder."""
+    (folder / SPECIFICATION).write_text(toml_text(_as_toml(simulation)), encoding="utf-8")
     _write_orientations(folder, block, map_frame, frame)
     _write_points(folder, block, map_frame, frame)
     _write_parameters(folder, block)
     _write_gross_errors(folder, block)
     _write_image_errors(folder, block)
-    (folder / SPECIFICATION).write_text(toml_text(_as_toml(simulation)), encoding="utf-8")
 
 
 def _as_toml(simulation: Simulation) -> Mapping[str, TomlValue]:

@@ -1,8 +1,11 @@
-"""Several processes at the same moment, without the start of a program."""
+"""Several processes at the same moment, or one whose files cannot grow, without the start of a program."""
 
 from __future__ import annotations
 
 import multiprocessing
+import os
+import resource
+import signal
 from collections.abc import Callable
 from multiprocessing.connection import Connection as Pipe
 
@@ -31,3 +34,22 @@ def in_processes(count: int, work: Callable[[int], object]) -> list[str]:
     for process in processes:
         process.join(30)
     return answers
+
+
+def fails_with_files_of_at_most(size: int, work: Callable[[], object]) -> bool:
+    """Whether work ends with an OSError in a process whose files cannot be larger, as on a full disk."""
+
+    def run() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+        try:
+            work()
+        except OSError:
+            os._exit(3)
+        # Without what the process that was copied would do at its end.
+        os._exit(0)
+
+    process = FORK.Process(target=run)
+    process.start()
+    process.join()
+    return process.exitcode == 3

@@ -14,6 +14,7 @@ from tasks.inventory.recognition import recognised, rows_of
 from tasks.results.manifest import Manifest, write_manifest
 from tasks.settings.load import load_project
 from tests.command_line import aerocal
+from tests.tasks.forked import fails_with_files_of_at_most
 from tests.tasks.formats.sound_files import SOUND, content_of
 
 # Lists of photos are read alike, whoever wrote them; one list alone could as well be of control points.
@@ -52,6 +53,15 @@ def test_a_survey_with_numbers_and_labels_is_control(tmp_path: Path) -> None:
     file = tmp_path / "survey.txt"
     file.write_text("Id,label,X,Y,Z\n1001,CP1,0,1,0\n1002,CP2,1,1,0\n")
     assert [content.kind for content in recognised(file).contents] == ["control"]
+
+
+def test_a_full_disk_leaves_no_half_of_a_project_file(tmp_path: Path) -> None:
+    """It was never overwritten, so that the next attempt was refused."""
+    folder = delivery(tmp_path / "delivery")
+    files = sorted(path.name for path in folder.iterdir())
+    assert fails_with_files_of_at_most(100, lambda: begin_project(folder))
+    assert sorted(path.name for path in folder.iterdir()) == files
+    begin_project(folder)
 
 
 def test_results_of_a_run_are_no_delivery(tmp_path: Path) -> None:

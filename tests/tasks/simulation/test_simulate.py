@@ -14,6 +14,7 @@ from tasks.files.installation import InstallationError
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
+from tests.tasks.forked import fails_with_files_of_at_most
 
 SMALL = """
 preset = "uce-high"
@@ -246,3 +247,26 @@ def test_what_gives_no_project_is_refused_before_anything_is_written(
     with pytest.raises(InputError, match=re.escape(words)):
         _simulated(tmp_path / "block", override)
     assert not (tmp_path / "block").exists()
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_full_disk_leaves_nothing_in_a_new_folder(tmp_path: Path, there: bool) -> None:
+    """What was left made the next simulation refuse the folder."""
+    folder = tmp_path / "block"
+    if there:
+        folder.mkdir()
+    # The truth fits, the image points do not.
+    assert fails_with_files_of_at_most(20_000, lambda: _simulated(folder))
+    assert list(folder.iterdir()) == []
+    assert _simulated(folder).is_file()
+
+
+def test_a_folder_of_a_simulation_that_was_killed_is_taken_again(tmp_path: Path) -> None:
+    project = _simulated(tmp_path / "a")
+    whole = _digests(project.parent)
+    for name in ("project.toml", "exposures.csv", "truth/image_errors.parquet"):
+        (project.parent / name).unlink()
+    _simulated(tmp_path / "a")
+    assert _digests(project.parent) == whole
+    first = min((project.parent / "truth").iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    assert first.name == "spec.toml"
