@@ -99,6 +99,7 @@ def test_page_summary_and_tables_say_the_same(results: Path) -> None:
     assert [band["factor"] for band in summary["image_quality"]["bands"]] == list(whole["factor"])
     page = (results / "image_quality.html").read_text()
     assert all(f'data-value="{factor!r}"' in page for factor in means["factor"].tolist())
+    assert all(f": {one['factor']:.3f} ± {one['sigma_factor']:.3f}" in page for _, one in whole.iterrows())
     assert set(json.loads((results / "manifest.json").read_text())["artifacts"]) == {
         "edges", "edge_means", "edge_responses", "noise_levels", "smears", "image_quality",
     }  # fmt: skip

@@ -75,7 +75,7 @@ def _verdicts(material: QualityMaterial) -> Iterator[str]:
         yield "No edge could be measured."
     elif material.scenes is not None:
         words = [
-            f"band {row['band']}: {row['factor']:.2f} ± {row['sigma_factor']:.3f}"
+            f"band {row['band']}: {row['factor']:.3f} ± {row['sigma_factor']:.3f}"
             for _, row in material.scenes.whole.iterrows()
         ]
         yield f"Factor of effective resolution: {', '.join(words)}."
