@@ -190,13 +190,18 @@ def _jobs(
 
 
 def _camera_of(path: Path, of_image: Mapping[str, str]) -> str:
-    """Name of the camera of an image, found by its file name, with or without extension."""
-    for name in (path.name, path.stem):
+    """Name of the camera of an image, found by its folders and file name, with or without extension."""
+    parts = path.absolute().parts
+    for name in (*("/".join(parts[k:]) for k in range(len(parts))), path.stem):
         if name in of_image:
             return of_image[name]
-    stems = {Path(name).stem: camera for name, camera in of_image.items()}
-    if path.stem in stems:
-        return stems[path.stem]
+    alike = sorted({camera for name, camera in of_image.items() if Path(name).stem == path.stem})
+    if len(alike) == 1:
+        return alike[0]
+    if alike:
+        raise Location(path).error(
+            f"Images of this name were taken by the cameras {', '.join(alike)}.", "Name the camera: --camera."
+        )
     raise Location(path).error(
         "The block has no adjusted image of this name.",
         f"{did_you_mean(path.stem, list(of_image))} For an image of another block name the camera: --camera.",
