@@ -205,6 +205,7 @@ def _write(folder: Path, files: dict[str, str | bytes]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / STATEMENT).unlink(missing_ok=True)
         for name, content in files.items():
-            part = folder / f".{name}.part"
+            # One name for all: that of a file may be as long as a name can be.
+            part = folder / f".{STATEMENT}.part"
             part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
             part.replace(folder / name)

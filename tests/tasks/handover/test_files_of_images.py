@@ -13,6 +13,8 @@ from tasks.errors import InputError
 from tasks.formats.isat import read_isat_cameras, read_isat_exposures
 from tasks.formats.register import IMAGE_POINT_FORMATS
 from tasks.formats.stac import read_stac_exposures
+from tasks.handover.delivery import Angles
+from tasks.handover.export import Wanted, write_block
 from tasks.handover.formats.register import REGISTER
 from tests.tasks.formats import sound_files as sound
 from tests.tasks.formats.packed_files import OPF, packed
@@ -34,6 +36,15 @@ def test_numbers_behind_a_point_are_no_ending_of_a_file(name):
     files = files_of(name, ("101.0001", "101.0002", "7_0003.tif", "flight 2/7_0004.jp2"))
     for stem in ("101.0001", "101.0002", "7_0003", "7_0004"):
         assert f"{stem}{ENDINGS[name]}" in files
+
+
+def test_a_file_of_an_image_may_have_the_longest_name_there_is(tmp_path):
+    results, points = flown(Flight())
+    names = tuple(f"{k}{'x' * 246}.tif" for k in range(1000, 1004))
+    named = replace(results, images=replace(results.images, names=names))
+    wanted = Wanted(REGISTER["sure"], "local", Angles())
+    written = write_block(named, lambda: points, wanted, tmp_path)
+    assert {len(name) for name in written.files if name.startswith("1")} == {254}
 
 
 @pytest.mark.parametrize("name", ENDINGS)
