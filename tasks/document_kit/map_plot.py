@@ -15,6 +15,8 @@ from tasks.document_kit.legend import Swatch, swatches
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 78.0, 12.0, 10.0, 44.0
 _TALLEST = 760.0
+# What the longest legend of symbols and arrows needs.
+_LEGEND = 820.0
 _KM = 1e-3
 
 
@@ -52,10 +54,15 @@ class MapPlot:
         """Height below the axis and its label."""
         return self.y.start + _BOTTOM
 
+    @property
+    def legend_x(self) -> float:
+        """Where legends begin: below the map; of a narrow one further left, so that they are not cut off."""
+        return min(self.x.start, axes.WIDTH - _RIGHT - _LEGEND)
+
     def legend(self, heading: str, entries: Sequence[Swatch], y: float | None = None) -> tuple[Markup, float]:
         """A legend from `y` on, by default below the axes, and where it ends."""
         below = self.bottom + 6 if y is None else y
-        return swatches(self.x.start, below, heading, entries, axes.WIDTH - self.x.start - 10)
+        return swatches(self.legend_x, below, heading, entries, axes.WIDTH - self.legend_x - 10)
 
     def axes(self) -> Markup:
         """Border, ticks and labels of both axes."""

@@ -254,7 +254,7 @@ def flight_map(material: CertificateMaterial) -> Markup:
         place = plot.x.at(float(row["x_m"])), plot.y.at(float(row["y_m"]))
         parts.append(symbol(place, bool(row["is_check"]), bool(row["took_part"]), str(row["point"])))
     y = plot.bottom + 14
-    parts.append(_legend(material, points, plot.x.start, y))
+    parts.append(_legend(material, points, plot.legend_x, y))
     return markup.svg(axes.WIDTH, y + 24, "Map of the flight pattern", markup.group("pattern", parts))
 
 

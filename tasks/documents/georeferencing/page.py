@@ -96,7 +96,7 @@ def difference_map(material: CheckMaterial) -> Markup:
         words = f"{kind} {row['point']}: {', '.join(shown)}"
         parts.append(symbol(place, row["status"] == INDEPENDENT, took_part=True, words=words))
     y = plot.bottom + 6
-    x = plot.x.start
+    x = plot.legend_x
     for is_check, words, width in (
         (True, "independent check point", 190.0),
         (False, "calibration control", 200.0),

@@ -47,7 +47,7 @@ def position_arrows(found: pd.DataFrame, scale: ArrowScale, plot: MapPlot, y: fl
     )
     length = scale.length_m * scale.unit
     words = f"{length_words(scale.length_m)} in plan, adjusted − GNSS position"
-    legend = arrow_scale(plot.x.start, y + 10, length, words, "gnss")
+    legend = arrow_scale(plot.legend_x, y + 10, length, words, "gnss")
     arrows = markup.element("path", css="gnss", d=data)
     return markup.group("positions", [arrows, legend])
 
@@ -272,7 +272,7 @@ def _points(
             drawn += arrows(row, place, scale)
         words = _words(row, is_check, took_part)
         drawn.append(symbol(place, is_check, took_part and not row["rejected"], words))
-    x = plot.x.start
+    x = plot.legend_x
     for is_check, took_part, words, width in (
         (False, True, "control point", 120.0),
         (True, True, "check point", 110.0),

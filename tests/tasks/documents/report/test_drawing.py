@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 from markupsafe import Markup
 
-from tasks.document_kit import markup, palette
+from tasks.document_kit import axes, markup, palette
 from tasks.document_kit.axes import Scale, round_length, tick_step, tick_texts
+from tasks.document_kit.difference_arrows import ArrowScale
 from tasks.document_kit.map_plot import MapPlot
+from tasks.documents.report.block_map import _points
 
 
 def test_texts_and_attributes_are_escaped_and_markup_is_not() -> None:
@@ -86,6 +89,14 @@ def test_a_map_keeps_angles_and_shows_all_points() -> None:
     assert all(plot.x.start < v < plot.x.end for v in plot.x.of(x))
     assert all(plot.y.end < v < plot.y.start for v in plot.y.of(y))
     assert plot.y.at(y[1]) < plot.y.at(y[0])
+
+
+def test_the_legend_below_the_narrow_map_of_a_single_strip_is_not_cut_off() -> None:
+    plot = MapPlot.over(np.array([0.0, 100.0]), np.array([0.0, 3000.0]))
+    drawn, _ = _points(pd.DataFrame(), ArrowScale(460.0, 0.1), plot, 0.0)
+    texts = re.findall(r'<text x="([\d.]+)"[^>]*>([^<]*)</text>', drawn)
+    assert texts[-1][1] == "height, up = computed higher"
+    assert max(float(x) + 7.2 * len(words) for x, words in texts) < axes.WIDTH
 
 
 def _lightness(colour: str) -> float:
