@@ -13,7 +13,6 @@ import pandas as pd
 import pytest
 
 from flows.runs.project_run import RunRequest, carry_out
-from flows.stories.direct_georeferencing_check import direct_georeferencing_check
 from flows.stories.scenario_sweep import sweep_of
 from flows.stories.system_calibration import system_calibration
 from tasks.documents.report.export import export_figures
@@ -66,9 +65,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("hostile")
     project = fly(folder)
     check = "direct_georeferencing.calibration=adjustment"
-    for story in (system_calibration, direct_georeferencing_check):
-        outcome = carry_out(story, RunRequest(project, folder / story.__name__, overrides=(check,)))
-        assert outcome.error is None, outcome.error
+    outcome = carry_out(system_calibration, RunRequest(project, folder / "calibration", overrides=(check,)))
+    assert outcome.error is None, outcome.error
     sweep = f"\n[sweep]\nworkers = 1\ncontrol = {{ '{PAYLOADS[0]}' = 'all' }}\n"
     sweep += f"[sweep.variants]\n'{PAYLOADS[1]}' = {{}}\n"
     project.write_text(project.read_text(encoding="utf-8") + sweep, encoding="utf-8")
@@ -77,7 +75,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert outcome.error is None, outcome.error
     together = folder / "together"
     together.mkdir()
-    for made in ("system_calibration", "direct_georeferencing_check", "sweep"):
+    for made in ("calibration", "sweep"):
         for file in (folder / made).glob("*.*"):
             if file.is_file():
                 shutil.copy(file, together)

@@ -108,7 +108,10 @@ def test_without_an_offset_none_is_called_for_with_the_stated_probability(trials
 
 @pytest.mark.parametrize("flights", [70, pytest.param(200, marks=pytest.mark.slow)])
 def test_a_lever_arm_is_found_with_the_power_that_the_strips_allow(flights: int) -> None:
-    """10 strips with 3 cm of noise, test at 5 %: of 1,000 flights 3 cm in 0.76, 6 cm in all, none in 0.05."""
+    """10 strips with 3 cm of noise, test at 5 %: of 1,000 flights 3 cm in 0.76, 6 cm in all.
+
+    Without a lever arm probabilities are uniform, see above.
+    """
 
     def found(lever_arm: float, trials: int) -> float:
         tests = [
@@ -119,8 +122,6 @@ def test_a_lever_arm_is_found_with_the_power_that_the_strips_allow(flights: int)
 
     assert found(0.03, flights) > 0.76 - 3.6 * np.sqrt(0.76 * 0.24 / flights)
     assert found(0.06, flights) > 0.97
-    without = 3 * flights
-    assert found(0.0, without) == pytest.approx(0.05, abs=2.2 * np.sqrt(0.05 * 0.95 / without))
 
 
 def test_in_one_direction_a_large_offset_stays_undecided() -> None:
