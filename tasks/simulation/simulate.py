@@ -77,6 +77,7 @@ def simulate_project(simulation: Simulation, folder: Path) -> SimulatedFiles:
             "No point is measured in any image.",
             "Change [flight] or [points], or make the errors of [truth.image_errors] smaller.",
         )
+    _refuse_missing_errors(simulation, block)
     before = set(folder.iterdir()) if folder.is_dir() else set()
     try:
         with writing_into(folder):
@@ -112,6 +113,21 @@ def _write(folder: Path, simulation: Simulation, block: SimulatedBlock) -> None:
         write_trajectories(folder, block, frame, simulation.trajectory.sbet_hz)
     _write_control(folder / "control.csv", block, map_frame, frame)
     (folder / "project.toml").write_text(project_text(simulation, block), encoding="utf-8")
+
+
+def _refuse_missing_errors(simulation: Simulation, block: SimulatedBlock) -> None:
+    """Refuse more gross errors than there is something to be wrong."""
+    asked, made = simulation.noise.gross_errors, block.measured.gross_errors
+    for key, number, possible in (
+        ("control_swaps", asked.control_swaps, len(made.swapped)),
+        ("wrong_time_strips", asked.wrong_time_strips, len(made.strips)),
+    ):
+        if number > possible:
+            raise InputError(
+                f"noise.gross_errors.{key} is {number}, and only {possible} are possible: a swap needs two "
+                "full control points, a wrong time a strip.",
+                f"Give at most {possible}.",
+            )
 
 
 def _remove_new(folder: Path, before: set[Path]) -> None:

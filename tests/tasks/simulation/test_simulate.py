@@ -233,6 +233,8 @@ def test_a_trajectory_that_cannot_be_is_refused(tmp_path: Path, changes: tuple[s
         ("flight.0.flight='a\"b'", "cannot contain the name 'a\"b'"),
         ('film.fiducials_mm={"a,b"=[1, 2], 2=[3, 4], 3=[3, 5]}', "cannot contain the name 'a,b'"),
         ("noise.gross_errors.image_um=[200, 20]", "The minimum of image_um is 200 µm, and its maximum 20 µm"),
+        ("noise.gross_errors.control_swaps=50", "control_swaps is 50, and only 42 are possible"),
+        ("noise.gross_errors.wrong_time_strips=50", "wrong_time_strips is 50, and only 4 are possible"),
         ("truth.focal_length_change_mm=-100", "The true focal length of UCE-80 would be -20 mm"),
         ('truth.image_errors.additional_um={"brown:K1"=1e8}', "No point is measured in any image"),
         (
