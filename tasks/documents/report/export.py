@@ -95,7 +95,8 @@ def drawing_rules(css: str) -> str:
     """The rules of a style sheet for what is inside drawings, variables replaced by their values."""
     # What is set for paper concerns the size of a drawing on the page only.
     screen = css.partition("@media print")[0]
-    rules = "\n".join(match["rule"] for match in _RULE.finditer(screen))
+    # Of several selectors none may keep its "svg ", which would outweigh later rules.
+    rules = "\n".join(match["rule"].replace(", svg ", ", ") for match in _RULE.finditer(screen))
     for variable in _VARIABLE.finditer(screen):
         rules = rules.replace(f"var({variable['name']})", variable["value"])
     return rules

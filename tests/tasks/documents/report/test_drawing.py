@@ -14,6 +14,8 @@ from tasks.document_kit.axes import Scale, round_length, tick_step, tick_texts
 from tasks.document_kit.difference_arrows import ArrowScale
 from tasks.document_kit.map_plot import MapPlot
 from tasks.documents.report.block_map import _points
+from tasks.documents.report.export import drawing_rules
+from tasks.documents.report.page import TEMPLATES
 
 
 def test_texts_and_attributes_are_escaped_and_markup_is_not() -> None:
@@ -97,6 +99,13 @@ def test_the_legend_below_the_narrow_map_of_a_single_strip_is_not_cut_off() -> N
     texts = re.findall(r'<text x="([\d.]+)"[^>]*>([^<]*)</text>', drawn)
     assert texts[-1][1] == "height, up = computed higher"
     assert max(float(x) + 7.2 * len(words) for x, words in texts) < axes.WIDTH
+
+
+def test_rules_of_an_exported_drawing_weigh_as_on_the_page_where_later_ones_win() -> None:
+    """Arrows of the height would have the colour of those in plan: every selector loses the same element."""
+    rules = drawing_rules((TEMPLATES / "style.css").read_text(encoding="utf-8"))
+    assert ".plan, .height {" in rules
+    assert not re.search(r"\bsvg \.", rules)
 
 
 def _lightness(colour: str) -> float:
