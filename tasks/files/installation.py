@@ -50,33 +50,33 @@ class InstallationError(AerocalError):
 
 
 @contextmanager
-def writing_into(folder: Path, option: str = "--out") -> Iterator[None]:
+def writing_into(folder: Path, option: str | None = "--out") -> Iterator[None]:
     """Turn "no space left", "permission denied" and the like while writing into one clear sentence.
 
     Parameters
     ----------
-    option : names another folder.
+    option : names another folder; None: nothing does.
 
     Raises
     ------
     InstallationError
         If the disk or quota is full or `folder` may not be written; every other error passes.
     """
+    elsewhere = f" or choose another folder with {option}" if option else ""
     try:
         yield
     except OSError as error:
         if error.errno in _FULL:
             raise InstallationError(
                 f"There is no space left on the disk of {visible(str(folder), _SHOWN)}.",
-                f"Free some space or choose another folder with {option}, then run again; "
-                "nothing half-written was kept.",
+                f"Free some space{elsewhere}, then run again; nothing half-written was kept.",
             ) from error
         # Of a file that is given its name, the name.
         file = error.filename2 or error.filename
         if error.errno in _REFUSED and _within(file, folder):
             raise InstallationError(
                 f"{visible(str(file or folder), _SHOWN)} cannot be written ({error.strerror}).",
-                f"Make it available and writable, or choose another folder with {option}.",
+                f"Make it available and writable{elsewhere}.",
             ) from error
         raise
 

@@ -73,7 +73,7 @@ def begin_project(folder: Path) -> Inventory:
     text = project_text(root.name, files, root)
     # Whole or not at all: half of one would be a project file that is never overwritten.
     part = target.with_name(f".{PROJECT_FILE}.part")
-    with writing_into(root):
+    with writing_into(root, None):
         try:
             part.write_text(text, encoding="utf-8")
             part.rename(target)

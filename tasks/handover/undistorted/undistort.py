@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -147,7 +148,8 @@ def _require_own(folder: Path, jobs: Sequence[_Job], cameras: str) -> None:
 
 def _write(folder: Path, file: str, content: str) -> None:
     with writing_into(folder):
-        part = folder / f".{file}.part"
+        # Another call may be writing into the same folder.
+        part = folder / f".{file}.{os.getpid()}.part"
         part.write_text(content, encoding="utf-8")
         part.replace(folder / file)
 
