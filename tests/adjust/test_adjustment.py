@@ -29,7 +29,7 @@ from adjust.parameters import (
     LEVER_ARM,
     State,
 )
-from adjust.result import AdjustmentResult
+from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.solve.system import Observations
 from tests.adjust.scenes import ALL_FREE, MICROMETRE, Scene, two_strips
 
@@ -307,6 +307,19 @@ def test_scaling_all_sigmas_scales_the_cofactors_and_keeps_the_values(scale: flo
     np.testing.assert_allclose(two.state.projection_centre, one.state.projection_centre, atol=1e-7)
     np.testing.assert_allclose(all_variances(two), scale**2 * all_variances(one), rtol=1e-7)
     assert two.test.sigma0 == pytest.approx(one.test.sigma0 / scale, rel=1e-6)
+
+
+def test_uncontrolled_observations_take_part_and_rejected_ones_do_not() -> None:
+    positions = next(item for item in adjusted(two_strips()).groups if item.group.name == "gnss_positions")
+    status = np.full(positions.status.shape, ObservationStatus.USED)
+    status[1] = ObservationStatus.UNCONTROLLED
+    status[2, 0] = ObservationStatus.REJECTED
+    status[3] = ObservationStatus.NOT_USED
+    left = replace(positions, status=status).taking_part.stochastic.present
+    np.testing.assert_array_equal(np.flatnonzero(left.any(axis=1)), [0, 1, 2, *range(4, len(status))])
+    status[2] = ObservationStatus.REJECTED
+    left = replace(positions, status=status).taking_part.stochastic.present
+    np.testing.assert_array_equal(np.flatnonzero(left.any(axis=1)), [0, 1, *range(4, len(status))])
 
 
 def test_iterations_are_reported_as_they_happen() -> None:
