@@ -42,13 +42,13 @@ def test_gain_read_noise_and_full_well_are_those_of_the_sensor(gain: float, read
 
 
 def test_the_stated_sigmas_are_those_of_a_weighted_line() -> None:
-    """Closed case: exact variances, of which each has the standard deviation √(2/n) of itself."""
+    """Closed case: exact variances, of which each has the standard deviation √(2/n) of itself and 1/12."""
     signal, gain, read = np.linspace(300.0, 9_000.0, 8), 3.0, 15.0
     pixels = np.geomspace(1e4, 1e6, 8)
     for offset in ((read / gain) ** 2, -5.0):
         variance = offset + signal / gain
         found = photon_transfer(DARK + signal, variance + 1.0 / 12.0, pixels, DARK)
-        weight = 1.0 / (variance * np.sqrt(2.0 / pixels))
+        weight = 1.0 / ((variance + 1.0 / 12.0) * np.sqrt(2.0 / pixels))
         _, covariance = np.polyfit(signal, variance, 1, w=weight, cov="unscaled")
         of_slope, of_offset = np.sqrt(np.diagonal(covariance))
         assert found.gain == pytest.approx(gain)
