@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -42,6 +43,7 @@ from flows.server.state_file import (
 from flows.server.watch import Repeated, Watch
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError, writing_into
+from tasks.plain_text import visible
 from tasks.production.notice import Links
 from tasks.production.notice_addresses import ADDRESSES_VARIABLE, FILE_VARIABLE, configured_addresses
 from tasks.production.outbox import Courier, Outbox
@@ -53,6 +55,9 @@ from tasks.store.run_lock import lock_if_free
 _START_S = 240.0
 #: Seconds between two looks into the outbox.
 _NOTICES_S = 2.0
+#: Of the folder for temporary files, bytes: sockets of Python's fork server (`flows.serving.fork`) lie in it,
+#: and their paths have 107 at most (unix(7)).
+_LONGEST_TEMPORARY = 75
 _READY = "Ready. Ctrl+C or SIGTERM stops it after the current runs have finished."
 
 
@@ -66,8 +71,8 @@ def serve(settings: Settings, say: Say) -> int:
     Raises
     ------
     InstallationError
-        If a port is taken, another server of this user runs, or a child does not start, or ends again and
-        again.
+        If a port is taken, another server of this user runs, the path for temporary files is too long, or a
+        child does not start, or ends again and again.
     """
     settings.address.require_free()
     settings.overview.require_free("--overview-port")
@@ -85,6 +90,13 @@ def serve(settings: Settings, say: Say) -> int:
 
 
 def _prepared(settings: Settings) -> Records:
+    temporary = tempfile.gettempdir()
+    if len(os.fsencode(temporary)) > _LONGEST_TEMPORARY:
+        raise InstallationError(
+            f"The path of the folder for temporary files has more than {_LONGEST_TEMPORARY} characters: "
+            f"{visible(temporary)}.",
+            "Set TMPDIR to a folder with a shorter path.",
+        )
     make_private(settings.state)
     records = Records.at(settings.records)
     records.prepare()

@@ -17,6 +17,7 @@ from flows.server.settings import Settings, settings_of, settings_of_runner
 from flows.server.state_file import kept_password, password_of
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError
+from tests.ports import free_port
 
 LOCAL = ServerAddress("127.0.0.1", 4200)
 DOOR = door_of("aerocal:secret", ["127.0.0.1"], [])
@@ -211,4 +212,21 @@ def test_a_port_that_is_taken_is_one_line_and_nothing_is_left(tmp_path: Path) ->
     assert done.returncode == 1
     assert "--port" in done.stderr
     assert "Traceback" not in done.stderr
+    assert not (tmp_path / "state").exists()
+
+
+def test_a_path_for_temporary_files_that_is_too_long_for_a_socket_is_refused_with_the_remedy(
+    tmp_path: Path,
+) -> None:
+    """Every run would crash: the process that forks it could not be reached."""
+    folder = tmp_path / "root"
+    folder.mkdir()
+    long = tmp_path / ("x" * 75)
+    long.mkdir()
+    command = [sys.executable, "-m", "flows.command", "serve", "--root", str(folder)]
+    command += ["--port", str(free_port("127.0.0.1")), "--overview-port", str(free_port("127.0.0.1"))]
+    variables = {**os.environ, "TMPDIR": str(long), "AEROCAL_STATE": str(tmp_path / "state")}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=variables, timeout=60)
+    assert done.returncode == 1
+    assert "Set TMPDIR to a folder with a shorter path." in " ".join(done.stderr.split())
     assert not (tmp_path / "state").exists()
