@@ -198,7 +198,8 @@ def engines_of(runner: int) -> list[int]:
 @contextmanager
 def further_runner(server: Served, *options: str) -> Iterator[subprocess.Popen[bytes]]:
     """A second runner for a server; killed afterwards."""
-    command = [sys.executable, "-m", "flows.command", "runner", "--root", str(server.folder), *options]
+    root = server.folder / "root"
+    command = [sys.executable, "-m", "flows.command", "runner", "--root", str(root), *options]
     printed = server.folder / "printed-runner"
     with printed.open("wb") as stream:
         process = subprocess.Popen(command, stdout=stream, stderr=stream, env=server.environment)
