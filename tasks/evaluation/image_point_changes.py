@@ -59,9 +59,10 @@ def image_errors(
     @lru_cache(maxsize=1)
     def basis(first: int, last: int) -> Floats:
         own = rays.camera_of_image[rays.image[first:last]] == camera
+        chosen = slice(None) if own.all() else own
         # Column after column, as they are used one by one.
         change = np.zeros((len(errors.names), last - first, 2))
-        change[:, own] = np.moveaxis(-errors.basis(rays.xy[first:last][own] - principal_point), 2, 0)
+        change[:, chosen] = np.moveaxis(-errors.basis(rays.xy[first:last][chosen] - principal_point), 2, 0)
         return change
 
     def of_parameter(k: int) -> Callable[[slice], Floats]:
