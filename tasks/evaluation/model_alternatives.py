@@ -1,8 +1,8 @@
 """What the model of a block may lack: every alternative that is tested, one row each.
 
 Parameters that are held, or that differ between flights, heights, directions or strips; drifts, time offsets
-and height scale of GNSS; the north of the attitudes; the datum of the control; refraction; direction and sign
-of given distortion; image errors that no parameter describes.
+and height scale of GNSS; north and order of the attitudes; the datum of the control; refraction; direction
+and sign of given distortion; image errors that no parameter describes.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.calibration.flight_pattern import flight_pattern
 from adjust.camera.additional.register import additional_parameters
+from adjust.geometry import rotation
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import (
@@ -53,8 +54,10 @@ _MOST_OF_ITSELF = 3.0
 _FLAT = 1e-3
 # Refraction that stays below this part of the σ of every image point (close range) explains nothing.
 _NO_REFRACTION = 0.02
-# Radians; a local system has one north only.
-_NO_CONVERGENCE = 1e-9
+# Radians; a local system has one north only, and headings one order.
+_NO_TURN = 1e-9
+# An order is wrong as a whole or not at all: with a value of its own, it takes nothing of what is shared.
+_CRITICAL_OF_ORDER = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,17 +198,23 @@ def _parameter(
 
 
 def _of_attitudes(material: _Material) -> Iterator[Alternative]:
-    """The other north: attitudes turned by the convergence of the meridians, where that differs from zero."""
+    """The other north, where the meridians converge; ω and φ in the other order."""
     ins = next((item for item in material.observations.others if isinstance(item, InsAttitudes)), None)
     if ins is None:
         return
-    image = material.block.image_of_event[ins.event]
-    enu = material.given.local_from_enu[image]
-    grid = np.swapaxes(enu, 1, 2) @ material.given.local_from_grid[image]
+    given, image = material.given, material.block.image_of_event[ins.event]
+    enu = given.local_from_enu[image]
+    grid = np.swapaxes(enu, 1, 2) @ given.local_from_grid[image]
     convergence = np.arctan2(grid[:, 1, 0], grid[:, 0, 0])
-    if np.abs(convergence).max(initial=0.0) > _NO_CONVERGENCE:
+    if np.abs(convergence).max(initial=0.0) > _NO_TURN:
         turned = np.einsum("nji,nj->ni", ins.observed, enu[:, :, 2]) * convergence[:, None]
         yield _of_itself("convergence", "", ObservationAlternative(ins.name, turned))
+    # The orders differ by about ω φ in κ.
+    read, other = given.local_from_body()[image], given.local_from_body("phi-omega-kappa")[image]
+    turned = rotation.log(np.swapaxes(other, 1, 2) @ read)
+    if np.abs(turned).max(initial=0.0) > _NO_TURN:
+        order = _of_itself("angle_order", "", ObservationAlternative(ins.name, turned))
+        yield replace(order, critical=_CRITICAL_OF_ORDER)
 
 
 def _of_control(material: _Material) -> Iterator[Alternative]:

@@ -88,6 +88,11 @@ _KINDS: Mapping[str, _Kind] = {
         "is contained in them",
         "Check angles.reference; 100 %: true instead of grid north; −100 %: grid instead of true north.",
     ),
+    "angle_order": _Kind(
+        "The angles appear to have ω and φ in the other order: {size} of the difference is contained in them",
+        "Check angles.order of the exposures; 100 %: phi-omega-kappa was declared omega-phi-kappa; −100 %: "
+        "the reverse.",
+    ),
     "control_shift": _Kind(
         "The control points are shifted against the GNSS positions by {size} (east x, north y, up z)",
         "Check datum and height system (geoid undulation) of both.",

@@ -35,6 +35,7 @@ _GROSS = 4.13
 _MEDIAN_OF_NORMAL = 0.6745
 _OF_IMAGES = {"gnss_position": "gnss_positions", "ins_attitude": "ins_attitudes"}
 _OF_ALL = {
+    "angle_order": "the order of the angles",
     "convergence": "the north of the attitudes",
     "gnss_height_scale": "the heights of the GNSS positions",
     "refraction": "the correction of refraction",
