@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats, Ints
-from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from tasks.block.given_orientations import AngleOrder, GivenOrientations
 from tasks.deliveries.exposure_angles import RADIANS_PER_UNIT
-from tasks.plausibility.orientation_slips import Slip, usual_slips
+from tasks.plausibility.orientation_slips import OTHER_ORDER, Slip, usual_slips, with_omega_first
 from tasks.settings.coordinates import Angles
 
 _WORDS = {"gon": "gon", "deg": "degrees", "rad": "radians"}
@@ -125,13 +124,10 @@ def _other_order(is_phi_first: bool) -> Hypothesis:
     def corrected(delivered: Delivered) -> Delivered:
         if not is_phi_first:
             return replace(delivered, order="phi-omega-kappa")
-        given = delivered.given
-        as_delivered = rotation.to_phi_omega_kappa(rotation.from_omega_phi_kappa(given.angles))
-        angles = np.where(given.is_heading[:, None], given.angles, as_delivered)
-        return replace(delivered, given=replace(given, angles=angles))
+        return replace(delivered, given=with_omega_first(delivered.given))
 
     return Hypothesis(
-        "The angles look like the other order of ω and φ",
+        OTHER_ORDER,
         f'Declare angles.order = "{order}" for the exposures.',
         f'inputs.exposures.angles.order = "{order}"',
         corrected,

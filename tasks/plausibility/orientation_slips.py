@@ -43,6 +43,8 @@ class Slip:
 
 
 _SAME = np.eye(3)
+#: The same words for either order that was declared.
+OTHER_ORDER = "The angles look like the other order of ω and φ"
 
 
 def usual_slips(given: GivenOrientations) -> list[Slip]:
@@ -109,10 +111,18 @@ def _of_the_grid() -> list[Slip]:
     """Order, sign and reference of angles counted from the axes of the map."""
     return [
         Slip(
-            "The angles look like the other order of ω and φ",
-            'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa", or the reverse.',
+            OTHER_ORDER,
+            'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa".',
             lambda g, r: (g, r, "phi-omega-kappa", _SAME),
+            "order",
             declare='exposures.angles.order = "phi-omega-kappa"',
+        ),
+        Slip(
+            OTHER_ORDER,
+            'Declare angles.order = "omega-phi-kappa" instead of "phi-omega-kappa".',
+            lambda g, r: (with_omega_first(g), r, "omega-phi-kappa", _SAME),
+            "order",
+            declare='exposures.angles.order = "omega-phi-kappa"',
         ),
         Slip(
             "κ appears to be counted clockwise",
@@ -133,6 +143,12 @@ def _of_the_grid() -> list[Slip]:
             declare='exposures.angles.reference = "grid"',
         ),
     ]
+
+
+def with_omega_first(given: GivenOrientations) -> GivenOrientations:
+    """Angles that were read as φ, ω, κ, read as ω, φ, κ."""
+    delivered = rotation.to_phi_omega_kappa(rotation.from_omega_phi_kappa(given.angles))
+    return replace(given, angles=np.where(given.is_heading[:, None], given.angles, delivered))
 
 
 def _with_opposite_kappa(given: GivenOrientations) -> GivenOrientations:

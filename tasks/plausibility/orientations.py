@@ -164,10 +164,7 @@ def best_slips(
     points = int(sample.point.max()) + 1
     trials = []
     for slip in usual_slips(given):
-        orientations, rays, order, turn = slip.corrected(given, sample)
-        centre, local_from_camera = orientations.orientations(order)
-        trial = replace(state, projection_centre=centre, local_from_camera=local_from_camera @ turn)
-        trials.append((ray_residuals(rays, trial, points, pixel).median_px, slip))
+        trials.append((ray_residuals(*_corrected(slip, given, sample, state), points, pixel).median_px, slip))
     trials.sort(key=lambda item: item[0])
     best_px = trials[0][0]
     if best_px * _MARGIN >= now_px:
@@ -178,6 +175,15 @@ def best_slips(
         if left_px <= best_px * _MARGIN and not same:
             alike.append(slip)
     return (tuple(alike) if len(alike) <= _MOST_ALIKE else ()), best_px
+
+
+def _corrected(
+    slip: Slip, given: GivenOrientations, rays: ImagePoints, state: State
+) -> tuple[ImagePoints, State]:
+    """Image points and state as they are if a mistake was made."""
+    orientations, read, order, turn = slip.corrected(given, rays)
+    centre, local_from_camera = orientations.orientations(order)
+    return read, replace(state, projection_centre=centre, local_from_camera=local_from_camera @ turn)
 
 
 def _refusal(
@@ -253,6 +259,14 @@ def _check_single_images(
             raise InputError(
                 f"{what} Its κ looks rotated by {90 * quarter}°.",
                 "Correct κ of this image (or which way up it was measured).",
+                entity=f"image {given.image[image]}",
+            )
+    for slip in usual_slips(given):
+        # What is wrong in all images may show in those with large tilts only.
+        if _medians_of(*_corrected(slip, given, rays, state), points, pixel).max() <= limit_px:
+            raise InputError(
+                f"{what} {slip.looks_like}: then all images fit.",
+                slip.remedy,
                 entity=f"image {given.image[image]}",
             )
     raise InputError(

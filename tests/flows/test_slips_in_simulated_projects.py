@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from adjust.geometry import rotation
-from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.examination import examine_everything
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
@@ -157,22 +157,23 @@ def test_angles_in_gon_of_strips_to_the_north(tmp_path: Path, named, attitude_de
     assert "image W" not in said
 
 
-@pytest.mark.parametrize("declared", ["omega-phi-kappa", "phi-omega-kappa"])
-def test_the_other_order_of_omega_and_phi(tmp_path: Path, declared: str) -> None:
-    """With tilts of 3° the orders differ by 0.2° in κ, mostly: rays hardly miss, attitudes do not fit."""
-    project = simulated(
-        tmp_path / "project", "uce-high", OMEGA_PHI_KAPPA, "trajectory.attitude_deg=[3.0, 3.0, 1.5]"
-    )
+def in_other_order(folder: Path, declared: str, tilt_deg: float, out: Path) -> RunOutcome:
+    """A run with angles of another order than the declared one."""
+    tilts = f"trajectory.attitude_deg=[{tilt_deg}, {tilt_deg}, 1.5]"
+    project = simulated(folder, "uce-high", OMEGA_PHI_KAPPA, tilts)
     if declared == "omega-phi-kappa":
-        table, columns = (
-            pd.read_csv(project / "exposures.csv", dtype={"strip": str}),
-            ["omega", "phi", "kappa"],
-        )
+        table, columns = pd.read_csv(project / "exposures.csv"), ["omega", "phi", "kappa"]
         matrix = rotation.from_omega_phi_kappa(np.deg2rad(table[columns].to_numpy()))
         table[columns] = np.rad2deg(rotation.to_phi_omega_kappa(matrix))
         table.to_csv(project / "exposures.csv", index=False)
     order = f'inputs.exposures.angles.order="{declared}"'
-    outcome = carry_out(adjustment_alone, RunRequest(project / "project.toml", tmp_path / "out", (order,)))
+    return carry_out(adjustment_alone, RunRequest(project / "project.toml", out, (order,)))
+
+
+@pytest.mark.parametrize("declared", ["omega-phi-kappa", "phi-omega-kappa"])
+def test_the_other_order_of_omega_and_phi(tmp_path: Path, declared: str) -> None:
+    """With tilts of 3° the orders differ by 0.2° in κ, mostly: rays hardly miss, attitudes do not fit."""
+    outcome = in_other_order(tmp_path / "project", declared, 3.0, tmp_path / "out")
     (said,) = (text for text in outcome.summary.problems if "ω and φ in the other order" in text)
     assert "Check angles.order of the exposures" in said
     size, sigma = re.findall(r"([+−][\d.]+) ± ([\d.]+) %", said)[0]
@@ -180,6 +181,18 @@ def test_the_other_order_of_omega_and_phi(tmp_path: Path, declared: str) -> None
     assert float(size.replace("−", "-")) == pytest.approx(expected, abs=4.0 * float(sigma))
     # Nothing but the order explains it.
     assert not any("does not fit: computed − given" in text for text in outcome.summary.problems)
+
+
+@pytest.mark.parametrize(
+    ("declared", "meant"),
+    [("omega-phi-kappa", "phi-omega-kappa"), ("phi-omega-kappa", "omega-phi-kappa")],
+)
+def test_the_other_order_with_large_tilts(tmp_path: Path, declared: str, meant: str) -> None:
+    """Images with large tilts miss their neighbours, in some blocks two of them and in others most."""
+    outcome = in_other_order(tmp_path / "project", declared, 5.0, tmp_path / "out")
+    assert outcome.summary.status == "input_error"
+    assert "The angles look like the other order of ω and φ" in str(outcome.error)
+    assert f'Declare angles.order = "{meant}" instead of "{declared}".' in str(outcome.error)
 
 
 @pytest.mark.parametrize(
