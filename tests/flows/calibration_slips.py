@@ -283,7 +283,9 @@ SLIPS: tuple[Slip, ...] = (
     Slip("high strips 10 cm too high", exposures=added(HIGH, z=0.10), unnoticed="gnss_shift_z"),
     Slip("high strips 30 cm to the east", "gnss_shift height", exposures=added(HIGH, x=0.30)),
     Slip("one direction 20 cm to the east", "gnss_shift direction", exposures=added(NORTH, x=0.20)),
-    Slip("one strip 50 cm too high", "gnss_shift strip", exposures=added(ONE, z=0.50)),
+    Slip(
+        "one strip 50 cm too high", "gnss_shift strip", "GNSS strip bias z", exposures=added(ONE, z=0.50)
+    ),
     Slip("one strip turned by 0.05°", "boresight strip", exposures=added(ONE, heading=0.05)),
     Slip("control heights orthometric", words="height systems", control=added(z=-33.0)),
     Slip("control 30 cm too high", control=added(z=0.30), unnoticed="control_shift_z"),
