@@ -10,12 +10,12 @@ import numpy as np
 from scipy import special
 
 from adjust.arrays import Floats
-from adjust.observations.base import Linearization
+from adjust.observations.base import Linearization, ObservationGroup
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, State
 from adjust.quality.detectability import INDISTINGUISHABLE
 from adjust.solve.full_vectors import FullVectors
-from adjust.solve.whitening import standardize
+from adjust.solve.whitening import standardize, whiten
 
 # So many image points at a time bound the memory of what is between.
 _AT_ONCE = 65_536
@@ -104,6 +104,16 @@ class ConsideredErrors:
         """B̃ C B̃ᵀ (n, m, m) of every observation."""
         errors = self.of_residuals(equations)
         return errors @ np.swapaxes(errors, 1, 2)
+
+    def of_whitened(self, group: ObservationGroup, state: State) -> Floats:
+        """The same of whitened equations of a group at a state."""
+        if not isinstance(group, ImagePoints):
+            return self.of_residuals(whiten(group, group.linearize(state)))
+        errors = np.empty((len(group.image), 2, self.of_unknowns.count))
+        for first in range(0, len(errors), _AT_ONCE):
+            part = group.only(slice(first, first + _AT_ONCE))
+            errors[first : first + _AT_ONCE] = self.of_residuals(standardize(part, part.linearize(state)))
+        return errors
 
     def covariance_of_rays(self, rays: ImagePoints, state: State) -> Floats:
         """The same (n, 2, 2) of image points in units of their σ; zero for those that are not used."""

@@ -2,7 +2,7 @@
 
 R is never formed, and the observations other than image points are linearized once. The vector takes the
 place of the misclosures, one right-hand side is accumulated and solved with the factors that are there, and
-v = A dx − z is read off the moved state. Vectors of unit size are taken as a hundredth of a standard
+R z = z − A dx is read off the moved state. Vectors of unit size are taken as a hundredth of a standard
 deviation, for which the equations are linear.
 """
 
@@ -91,7 +91,7 @@ class ResidualOperator:
         return cls(system, solution, given.image_points.misclosure(state), linearized)
 
     def residuals(self, whitened: tuple[Floats, ...]) -> tuple[Floats, ...]:
-        """Whitened residuals (n, m) of every group for whitened misclosures (n, m) of every group."""
+        """R z (n, m) of every group for whitened misclosures z (n, m) of every group."""
         state, given = self.solution.state, self.system.observations
         steps = tuple(_STEP * vector for vector in whitened)
         rays = given.image_points
@@ -109,9 +109,9 @@ class ResidualOperator:
         points = substitute_back(perturbed, state, normals, exposures, border)
         moved = self.system.layout.update(state, exposures, border, points)
         change = (self.misclosure - rays.misclosure(moved)) * rays.inverse_sigma
-        results = [np.where(rays.active[:, None], change / _STEP - whitened[0], 0.0)]
+        results = [np.where(rays.active[:, None], whitened[0] - change / _STEP, 0.0)]
         for group, old, vector in zip(given.others, self.linearized, whitened[1:], strict=True):
             difference = old.misclosure - group.linearize(moved).misclosure
             change = np.where(group.stochastic.present, difference, 0.0)
-            results.append(group.stochastic.whitened(change) / _STEP - vector)
+            results.append(vector - group.stochastic.whitened(change) / _STEP)
         return tuple(results)

@@ -242,7 +242,8 @@ def variance_components(
     variance = np.full(len(parts), np.nan)
     estimated = [part for part, is_free in zip(parts, free, strict=True) if is_free]
     if estimated:
-        traces = trace_matrix(adjusted.system, adjusted.solution, tuple(estimated), redundancy[free])
+        known = adjusted.considered
+        traces = trace_matrix(adjusted.system, adjusted.solution, tuple(estimated), redundancy[free], known)
         variance[free] = np.diagonal(np.linalg.inv(traces))
     # d ≤ r; probing alone may say a little more.
     degrees = np.minimum(1.0 / variance, redundancy)
@@ -304,7 +305,8 @@ def helmert_step(
             right[k] = half
     if known.any():
         chosen = tuple(part for part, is_known in zip(parts, known, strict=True) if is_known)
-        traces = trace_matrix(adjusted.system, adjusted.solution, chosen, redundancy[known])
+        of_chosen, considered = redundancy[known], adjusted.considered
+        traces = trace_matrix(adjusted.system, adjusted.solution, chosen, of_chosen, considered)
         exact = np.linalg.solve(traces, right[known])
         limit = np.maximum(2.0 * np.abs(steps[known]), _TOGETHER if _has_correlation(chosen) else 0.0)
         correlated = np.array([part.is_correlation for part in chosen])

@@ -1,4 +1,4 @@
-"""Whether σ are those of the errors where the focal length of a calibration is off by its own σ.
+"""Whether σ are those of the errors where considered parameters are wrong by errors of their own σ.
 
 A block of 32 images at 1000 m is adjusted with a focal length that is wrong by ±2 µm. The errors of the focal
 length are the quantiles of the normal distribution in random order, so that few trials have its variance. The
@@ -19,10 +19,13 @@ from adjust.least_squares import Adjuster
 from adjust.observations.base import StochasticModel
 from adjust.observations.joint_prior import JointPrior
 from adjust.options import AdjustmentOptions
-from adjust.parameters import INTERIOR_ORIENTATION, ConsideredParameters, ParameterPlace
+from adjust.parameters import INS_STRIP_BIAS, INTERIOR_ORIENTATION, ConsideredParameters, ParameterPlace
 from adjust.quality.considered import with_considered
+from adjust.quality.observation_parts import parts_of
+from adjust.quality.trace_matrix import trace_matrix
+from adjust.quality.variance_components import PartSums
 from adjust.solve.system import Observations, System
-from tests.adjust.scenes import MICROMETRE, ControlKind, two_strips
+from tests.adjust.scenes import DEGREE, MICROMETRE, ControlKind, two_strips
 
 SIGMA_C = 2.0 * MICROMETRE
 PLACE = ParameterPlace(INTERIOR_ORIENTATION, 0, 0)
@@ -115,3 +118,42 @@ def test_errors_in_height_have_their_sigma_unless_the_focal_length_counts_as_exa
     low, high = stats.chi2.ppf([5e-4, 1.0 - 5e-4], 200) / 200
     assert low < trials.statistic.mean() < high
     assert int((trials.statistic > stats.chi2.ppf(0.95, 1)).sum()) <= stats.binom.ppf(0.999, 200, 0.05)
+
+
+@pytest.mark.slow
+def test_variance_components_scatter_with_their_degrees_of_freedom() -> None:
+    """Attitudes of ten strips of three, each with a bias that is considered, take ten of thirty yaws.
+
+    At the true weights, S⁻¹ (q − r) has the covariance 2 S⁻¹. With the S of the biases held, the variances of
+    roll and pitch, and of yaw, would be 1.3 times those stated.
+    """
+    strips, trials, sigma = 10, 600, 0.02 * DEGREE
+    places = tuple(ParameterPlace(INS_STRIP_BIAS, k, c) for k in range(strips) for c in range(3))
+    known = ConsideredParameters(places, sigma**2 * np.eye(len(places)))
+    adjuster, estimates, traces = Adjuster(AdjustmentOptions(threads=1)), [], np.empty(0)
+    for seed in range(trials):
+        scene = two_strips(
+            strips=strips, images_per_strip=3, points_along=8, points_across=22, noise_seed=seed
+        )
+        biases = np.random.default_rng((7, seed)).normal(0.0, sigma, (strips, 3))
+        system = tuple(
+            replace(item, values=item.values + biases) if item.family.name == INS_STRIP_BIAS else item
+            for item in scene.block.system
+        )
+        block = replace(scene.block, system=system, considered=known)
+        adjusted = adjuster.adjust(System.of(block, scene.observations, 1), block.approximate_state())
+        parts = parts_of(scene.observations)
+        sums = PartSums.of(adjusted, parts)
+        told = np.flatnonzero(sums.redundancy >= 10.0)
+        if seed == 0:
+            names = [parts[k].name for k in told]
+            of_parts = np.where([parts[k].group == 0 for k in told], sums.redundancy[told], 1.0)
+            chosen, considered = tuple(parts[k] for k in told), adjusted.considered
+            traces = trace_matrix(adjusted.system, adjusted.solution, chosen, of_parts, considered)
+        estimates.append(np.linalg.solve(traces, (sums.squares - sums.redundancy)[told]))
+    squares = 0.5 * np.array(estimates) ** 2 / np.diagonal(np.linalg.inv(traces))
+    ratio, chance = squares.mean(axis=0), squares.std(axis=0) / np.sqrt(trials)
+    assert np.all(np.abs(ratio - 1.0) < stats.norm.isf(5e-4) * chance), dict(zip(names, ratio, strict=True))
+    of_attitudes = [k for k, name in enumerate(names) if name.startswith("ins_attitudes")]
+    assert len(of_attitudes) == 2
+    assert chance[of_attitudes].max() < 0.09, "chance would decide"

@@ -29,12 +29,14 @@ from adjust.parameters import (
 from adjust.quality.considered import contradiction_of_prior, with_considered
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.control_checks import k_fold, leave_one_out
+from adjust.quality.correlation_time import along_derivative
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.quality.model_alternatives import ParameterAlternative
-from adjust.quality.observation_parts import Division, parts_of
+from adjust.quality.observation_parts import Division, Part, correlations_of, parts_of
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
 from adjust.quality.robust import scales_of, studentized
+from adjust.quality.trace_matrix import trace_matrix
 from adjust.quality.variance_components import PartSums
 from adjust.result import ObservationStatus
 from adjust.solve.design_matrix import (
@@ -209,6 +211,49 @@ def test_variance_components_are_those_of_full_covariances(case: Dense) -> None:
             used = group.stochastic.present.ravel()
             assert sums.squares[own].sum() == pytest.approx(squares[rows][used].sum(), rel=1e-6)
             assert sums.redundancy[own].sum() == pytest.approx(trace[rows][used].sum(), abs=1e-8)
+
+
+@pytest.mark.parametrize("divided", [False, True])
+def test_probed_traces_are_those_of_full_covariances(case: Dense, divided: bool) -> None:
+    """What observing the parameters takes of S_gh = tr(R_gh R_hg): a tenth of that of some parts."""
+    observations = case.adjusted.observations
+    files = np.arange(len(observations.image_points.image), dtype=np.int64) % 2
+    parts = parts_of(observations, (Division("image_points", ("A", "B"), files),) if divided else ())
+    parts += correlations_of(observations)
+    inverse = np.linalg.inv(np.eye(len(case.l)) + case.b @ case.c @ case.b.T)
+    of_unknowns = inverse @ case.a
+    observed = inverse - of_unknowns @ np.linalg.solve(case.a.T @ of_unknowns, of_unknowns.T)
+    held = np.eye(len(case.l)) - case.a @ case.q @ case.a.T
+    exact, probed = [], []
+    for full, errors in ((held, None), (observed, case.errors)):
+        traces, redundancy = traces_of(case, parts, full)
+        exact.append(traces)
+        # With so little redundancy, the other groups are probed as often as possible.
+        of_parts = np.where([part.group == 0 for part in parts], redundancy, 1.0)
+        probed.append(trace_matrix(case.adjusted.system, case.adjusted.solution, parts, of_parts, errors))
+    told = np.flatnonzero(np.diagonal(exact[0]) > 1e-6)
+    size = np.sqrt(np.outer(np.diagonal(exact[0]), np.diagonal(exact[0])))
+    change, found = (((other - one) / size)[np.ix_(told, told)] for one, other in (exact, probed))
+    assert np.diagonal(change).min() < -0.1
+    np.testing.assert_allclose(found, change, atol=0.05)
+
+
+def traces_of(case: Dense, parts: tuple[Part, ...], full: Floats) -> tuple[Floats, Floats]:
+    """tr(R K_g R K_h) and tr(R K_g) of the parts, with K one on their rows, for correlations of its own."""
+    places, products = [], []
+    for part in parts:
+        model = case.adjusted.observations.groups[part.group].stochastic
+        mask = np.zeros(model.present.shape, dtype=bool)
+        mask[part.place] = model.present[part.place]
+        own = np.flatnonzero(mask.ravel())
+        changed = np.eye(mask.size)
+        if part.is_correlation:
+            changed = along_derivative(model, changed.reshape(len(mask), -1)).reshape(changed.shape)
+        places.append(case.design.row_start[part.group] + own)
+        products.append(full[:, places[-1]] @ changed[np.ix_(own, own)])
+    pairs = list(zip(products, places, strict=True))
+    traces = np.array([[np.sum(one[q] * other[p].T) for other, q in pairs] for one, p in pairs])
+    return traces, np.array([np.trace(one[p]) for one, p in pairs])
 
 
 def test_standardized_residuals_have_the_variance_of_held_and_considered_together(case: Dense) -> None:
