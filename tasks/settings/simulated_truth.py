@@ -81,7 +81,7 @@ class SimulatedNoise(Settings):
     gnss_markov_m: NotNegativeTriple = (0.0, 0.0, 0.0)
     """σ of the part of the positions' noise that is correlated over time within a strip (first-order
     Gauss–Markov), m. The project states the σ of both parts together; if `gnss_m` is 0, it also states the
-    correlation time.
+    correlation time. Otherwise the project takes all of it as white, and the σ of its results are too small.
     """
     gnss_correlation_s: Positive = 100.0
     """Its correlation time, s."""
