@@ -53,7 +53,8 @@ def _corrected(iteration: GridIterationFigure) -> str:
     times = "once" if iteration.taken == 1 else f"{iteration.taken} times"
     return (
         f"The image coordinates were corrected {times} by their mean residuals, which changed σ0 from "
-        f"{first.sigma0:.3f} to {last.sigma0:.3f}; {reason}."
+        f"{first.sigma0:.3f} to {last.sigma0:.3f}; {reason}. The standard deviations take the corrections as "
+        "exact: what the adjusted values have absorbed of the image errors is not in them."
     )
 
 

@@ -24,6 +24,8 @@ from tasks.results.figures import (
     CorrelationTimeFigure,
     FreeNetworkFigure,
     GlobalTestFigure,
+    GridIterationFigure,
+    GridStepFigure,
     GroupFigure,
     ResidualGridFigure,
     SelfCalibrationFigures,
@@ -253,6 +255,19 @@ def test_systematic_means_and_correlated_neighbours_are_named_by_camera() -> Non
     assert "camera A are correlated (up to 1.00 below 4 mm)" in neighbours
     by_chance = grid.model_copy(update={"significant": 51})
     assert not [*residual_grid_sentences(ResidualGridFigure(cameras=(by_chance,)), rows[3:])]
+
+
+def test_corrections_by_mean_residuals_say_that_sigmas_take_them_as_exact() -> None:
+    steps = tuple(GridStepFigure(number=k, sigma0=1.2 - 0.2 * k, rms_um=0.3, noise_um=0.2) for k in range(2))
+    no_pairs = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
+    iteration = GridIterationFigure(taken=1, reason="settled", gain=0.2, steps=steps)
+    (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=iteration), no_pairs)
+    assert "corrected once by their mean residuals, which changed σ0 from 1.200 to 1.000" in sentence
+    assert "The standard deviations take the corrections as exact" in sentence
+    none = iteration.model_copy(update={"taken": 0})
+    (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=none), no_pairs)
+    assert "not corrected" in sentence
+    assert "exact" not in sentence
 
 
 def test_figures_of_earlier_versions_are_read() -> None:
