@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,10 +24,13 @@ from tasks.handover.receiver import REFUSED_PX, HandedOver, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
 from tasks.nearest_name import did_you_mean
+from tasks.plain_text import quoted
 from tasks.results.manifest import read_manifest
 from tasks.settings.deliver import CHOSEN_ANGLES, World, own_angles
 
 STATEMENT = "HANDOVER.txt"
+# Bytes of the name of a file, on all usual file systems.
+_LONGEST_NAME = 255
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,7 @@ def write_block(block: Results, points: Callable[[], BlockPoints], wanted: Wante
     if delivery.handed.refitted:
         files["eo_rigorous.csv"] = _rigorous(block)
     text = statement(delivery, form, adjusted=wanted.adjusted)
+    _require_short(files)
     require_none_replaced((folder / name for name in (*files, STATEMENT)), wanted.delivered)
     _write(folder, {**files, STATEMENT: text})
     return Export(folder, tuple(files), text, misfit)
@@ -197,6 +202,17 @@ def chosen_world(text: str | None, form: DeliveryFormat) -> World:
 def _rigorous(block: Results) -> str | bytes:
     true: HandedOver = hand_over(block, "map", Freed())
     return write_eo_csv(Delivery(block, true))["eo.csv"]
+
+
+def _require_short(files: Collection[str]) -> None:
+    """Refuse names of files, made of those of images, that no file can have."""
+    for name in files:
+        if len(os.fsencode(name)) > _LONGEST_NAME:
+            raise InputError(
+                f"A file of an image would be called {quoted(name)}: {len(os.fsencode(name))} "
+                f"bytes, and no name of a file has more than {_LONGEST_NAME}.",
+                "Write a format with one file for all images, or give the images shorter names.",
+            )
 
 
 def _write(folder: Path, files: dict[str, str | bytes]) -> None:

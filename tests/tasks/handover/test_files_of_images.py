@@ -47,6 +47,18 @@ def test_a_file_of_an_image_may_have_the_longest_name_there_is(tmp_path):
     assert {len(name) for name in written.files if name.startswith("1")} == {254}
 
 
+@pytest.mark.parametrize("name", ["rpc", "realityscan"])
+def test_a_name_that_is_too_long_with_its_ending_is_refused_before_anything_is_written(tmp_path, name):
+    """'ä' has two bytes."""
+    results, points = flown(Flight())
+    names = tuple(f"{k}{'ä' * 124}" for k in range(1000, 1004))
+    named = replace(results, images=replace(results.images, names=names))
+    form = REGISTER[name]
+    with pytest.raises(InputError, match=r"'1000ä{36}…': 2(56|60) bytes"):
+        write_block(named, lambda: points, Wanted(form, form.world, Angles()), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("name", ENDINGS)
 def test_images_that_would_share_a_file_are_refused(name):
     with pytest.raises(InputError, match=r"'a/1\.tif' and 'b/1\.tif'"):
