@@ -48,6 +48,10 @@ from tasks.formats.xml_text import parsed_xml
 
 _ENU = re.compile(r"ENU:\s*(-?\d+(?:\.\d+)?)\s*,\s*(-?\d+(?:\.\d+)?)$")
 _LENS = {"K1": "k1", "K2": "k2", "K3": "k3", "P1": "p2", "P2": "p1"}
+#: Of a photo group, what its camera is.
+_OF_CAMERA = frozenset(
+    ["ImageDimensions", "FocalLength", "FocalLengthPixels", "SensorSize", "PrincipalPoint", "Distortion"]
+)
 #: In our axes, x right and y up.
 _RIGHT, _UP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 _AXES = {"Right": _RIGHT, "Left": -_RIGHT, "Up": _UP, "Down": -_UP}
@@ -63,6 +67,7 @@ def read_blocks_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         If there are none, numbers are missing, or the reference system is none that is read.
     """
     root = parsed_xml(path)
+    _require_one_camera_a_name(path, root)
     image, camera, at = [], [], []
     centre, rotation = array("d"), array("d")
     for number, (name, group, photo) in enumerate(_photos(path, root), start=1):
@@ -134,6 +139,15 @@ def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
     if not found:
         raise Location(path).error("There is no camera in the file.", "Export the photo groups.")
     return found
+
+
+def _require_one_camera_a_name(path: Path, root: ElementTree.Element) -> None:
+    """Refuse groups of one name with different cameras, which a camera of the project would replace."""
+    cameras: dict[str, list[str]] = {}
+    for group in root.iter("Photogroup"):
+        parts = (ElementTree.tostring(part, "unicode") for part in group if part.tag in _OF_CAMERA)
+        stated = sorted("".join(part.split()) for part in parts)
+        take_camera(path, cameras, group.findtext("Name") or "Photogroup", stated)
 
 
 def _refuse_other_distortion(path: Path, name: str, lens: ElementTree.Element | None) -> None:

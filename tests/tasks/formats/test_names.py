@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tasks.errors import InputError
 from tasks.formats.ign_text import read_ign_app, read_ign_mes, read_ign_opk
 from tasks.formats.native_csv import read_csv_control, read_csv_exposures, read_csv_image_points
-from tasks.formats.register import CAMERA_FORMATS
+from tasks.formats.register import CAMERA_FORMATS, EXPOSURE_FORMATS
 from tasks.plain_text import LONGEST_NAME, trouble_in
 from tests.tasks.formats.packed_files import CALIBRATION, MICMAC_ORIENTATIONS, packed
 from tests.tasks.formats.sound_files import SOUND
@@ -142,3 +142,21 @@ def test_a_camera_is_not_replaced_by_another_one_of_its_name(
     file.write_bytes(other if isinstance(other, bytes) else other.encode())
     with pytest.raises(InputError, match="Two different cameras have this name"):
         CAMERA_FORMATS[kind](file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("<FocalLength>100<", "<FocalLength>101<"), ("<Width>", "<Width>1")]
+)
+def test_photos_of_two_cameras_of_one_name_are_not_taken_for_those_of_one(
+    folder: Path, old: str, new: str
+) -> None:
+    """Also where the project declares the camera, which would replace both."""
+    text = SOUND["exposures", "blocks-exchange"]
+    assert isinstance(text, str)
+    _, same, other = _with_another("blocks-exchange", text, "<Photogroup>", "</Photogroup>", old, new)
+    read, file = EXPOSURE_FORMATS["blocks-exchange"], folder / "exposures"
+    file.write_text(same)
+    assert set(read(file, "omega-phi-kappa").camera.to_pylist()) == {"UC"}
+    file.write_text(other)
+    with pytest.raises(InputError, match="Two different cameras have this name"):
+        read(file, "omega-phi-kappa")
