@@ -21,6 +21,8 @@ Progress: TypeAlias = Callable[[float], None]
 _STRIP_BYTES = 48_000_000
 # Rows that are read at a time where blocks of the file are not about as high.
 _ROWS_READ = 256
+# Higher blocks are read as a whole, so that none is decoded again, unless a row of them is larger, bytes.
+_READ_BYTES = 192_000_000
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,9 @@ def undistort_image(source: ImageReader, pixels: PixelMap, path: Path, work: Wor
         If the file cannot be written.
     """
     about, outside = source.description, 0
-    rows_of_source, values = _RollingRows(source), _values(about)
+    values = _values(about)
     with image_like(source, path, work.threads) as written:
+        rows_of_source = _RollingRows(source, _rows_read(about, written.block_rows))
         # The mask of a file; by a value or an alpha band the pixels themselves say it.
         has_mask = about.validity == "mask"
         for first, last in _strips(about, written.block_rows, work.strip_bytes):
@@ -66,11 +69,10 @@ def undistort_image(source: ImageReader, pixels: PixelMap, path: Path, work: Wor
 
 
 class _RollingRows:
-    """Rows of an image that are requested from top to bottom; each is read once."""
+    """Rows of an image that are requested from top to bottom; each is read once, with `step` of them."""
 
-    def __init__(self, source: ImageReader) -> None:
-        self._source, rows = source, source.description.block_rows
-        self._step = rows if rows <= 2 * _ROWS_READ else _ROWS_READ
+    def __init__(self, source: ImageReader, step: int) -> None:
+        self._source, self._step = source, step
         self._held: SourceRows | None = None
 
     def of(self, first: int, last: int) -> SourceRows:
@@ -136,9 +138,25 @@ def _values(about: ImageDescription) -> Values:
     return Values(least, about.largest, about.nodata, fill, about.alpha)
 
 
+def _rows_read(about: ImageDescription, written: int) -> int:
+    """Rows that are read at a time; blocks of `written` rows are written as a whole."""
+    rows = about.block_rows
+    if rows <= 2 * _ROWS_READ:
+        return rows
+    # As many are needed at once.
+    if rows <= written:
+        return _ROWS_READ
+    while rows > _ROWS_READ and rows * _row_bytes(about) > _READ_BYTES:
+        rows = -(-rows // 2)
+    return rows
+
+
+def _row_bytes(about: ImageDescription) -> int:
+    return about.bands * about.columns * np.dtype(about.dtype).itemsize
+
+
 def _strips(about: ImageDescription, block_rows: int, strip_bytes: int) -> Iterator[tuple[int, int]]:
     """First and last + 1 row of strips from top to bottom, of whole blocks."""
-    row_bytes = about.bands * about.columns * np.dtype(about.dtype).itemsize
-    rows = max(strip_bytes // (row_bytes * block_rows), 1) * block_rows
+    rows = max(strip_bytes // (_row_bytes(about) * block_rows), 1) * block_rows
     for first in range(0, about.rows, rows):
         yield first, min(first + rows, about.rows)
