@@ -78,6 +78,7 @@ def simulate_project(simulation: Simulation, folder: Path) -> SimulatedFiles:
             "Change [flight] or [points], or make the errors of [truth.image_errors] smaller.",
         )
     _refuse_missing_errors(simulation, block)
+    _refuse_outside_area(simulation, block)
     before = set(folder.iterdir()) if folder.is_dir() else set()
     try:
         with writing_into(folder):
@@ -128,6 +129,21 @@ def _refuse_missing_errors(simulation: Simulation, block: SimulatedBlock) -> Non
                 "full control points, a wrong time a strip.",
                 f"Give at most {possible}.",
             )
+
+
+def _refuse_outside_area(simulation: Simulation, block: SimulatedBlock) -> None:
+    """Refuse a block whose positions no import accepts in the CRS: beyond its area, or over a pole."""
+    map_frame, frame = simulated_map_frame(simulation.project), simulated_frame(simulation.project)
+    positions = np.concatenate([block.measured.positions, block.measured.surveyed])
+    known = positions[np.isfinite(positions).all(axis=1)]
+    if not map_frame.inside_area_of_use(map_from_local(map_frame, frame, known)).all():
+        latitude, longitude = simulation.project.latitude_deg, simulation.project.longitude_deg
+        raise InputError(
+            f"At latitude {latitude:g}, longitude {longitude:g} degrees the block is outside the "
+            f"area of {map_frame.name}.",
+            "Correct the place, or choose a CRS for it.",
+            entity="project.crs",
+        )
 
 
 def _remove_new(folder: Path, before: set[Path]) -> None:

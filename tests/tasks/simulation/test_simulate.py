@@ -241,6 +241,10 @@ def test_a_trajectory_that_cannot_be_is_refused(tmp_path: Path, changes: tuple[s
             'project={name="P", crs="EPSG:4326", latitude_deg=48, longitude_deg=9}',
             "The CRS EPSG:4326 is geographic, and results are in metres",
         ),
+        (
+            'project={name="P", crs="EPSG:32633", latitude_deg=89.5, longitude_deg=15}',
+            "At latitude 89.5, longitude 15 degrees the block is outside the area of EPSG:32633",
+        ),
     ],
 )
 def test_what_gives_no_project_is_refused_before_anything_is_written(
