@@ -19,16 +19,14 @@ from typing import TypeAlias
 from xml.sax.saxutils import escape
 
 import numpy as np
-import pyproj
 from numpy.typing import NDArray
-from pyproj.enums import WktVersion
 
 from tasks.coordinates.crs import MapFrame
+from tasks.handover.geotiff_keys import geo_keys
 
 Grids: TypeAlias = NDArray[np.float32]
 
 _TILE = 256
-_USER_DEFINED = 32_767
 # TIFF's types: number, and format of struct.
 _ASCII, _SHORT, _LONG, _DOUBLE = (2, "s"), (3, "H"), (4, "I"), (12, "d")
 
@@ -136,44 +134,12 @@ def _place_entries(place: GridPlace) -> tuple[_Entry, ...]:
 
 
 def _crs_entries(frame: MapFrame) -> tuple[_Entry, ...]:
-    """GeoTIFF's keys: an EPSG code, or the definition as a text in Esri's form.
-
-    GDAL 3.10 shows the text, but takes the system for a local one.
-    """
-    texts = ""
-    keys: list[tuple[int, int, int, int]] = [(1025, 0, 1, 1)]  # a value stands for an area
-
-    def add_text(key: int, text: str) -> None:
-        nonlocal texts
-        keys.append((key, 34737, len(text) + 1, len(texts)))
-        texts += f"{text}|"
-
-    if frame.is_local:
-        keys.append((1024, 0, 1, _USER_DEFINED))
-        add_text(1026, frame.description)
-    else:
-        code = _code_of(frame.crs)
-        keys.append((1024, 0, 1, 2 if frame.crs.is_geographic else 1))
-        key = 2048 if frame.crs.is_geographic else 3072
-        keys.append((key, 0, 1, _USER_DEFINED if code is None else code))
-        if code is None:
-            add_text(key + 1, f"ESRI PE String = {frame.crs.to_wkt(WktVersion.WKT1_ESRI)}")
-        else:
-            add_text(1026, _plain(frame.crs.name))
-    if frame.is_local or not frame.crs.is_geographic:
-        keys.append((3076, 0, 1, 9001))  # metres
-    directory = [1, 1, 0, len(keys)] + [number for key in sorted(keys) for number in key]
-    return (_Entry.of(34735, _SHORT, directory), _Entry.text(34737, texts))
-
-
-def _code_of(crs: pyproj.CRS) -> int | None:
-    code = crs.to_epsg()
-    return code if code is not None and code < _USER_DEFINED else None
-
-
-def _plain(name: str) -> str:
-    """A name without the character that ends texts in GeoTIFF's keys."""
-    return name.encode("ascii", "replace").decode().replace("|", "/")
+    keys = geo_keys(frame)
+    return (
+        _Entry.of(34735, _SHORT, keys.directory),
+        _Entry.of(34736, _DOUBLE, keys.doubles),
+        _Entry.text(34737, keys.texts),
+    )
 
 
 def _words(names: Sequence[str], about: str) -> tuple[_Entry, ...]:

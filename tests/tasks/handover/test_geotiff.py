@@ -7,6 +7,7 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
 import rasterio
 
@@ -79,10 +80,10 @@ def test_a_small_grid_has_no_overview(tmp_path: Path) -> None:
     assert len(directories((tmp_path / "map.tif").read_bytes())) == 1
 
 
-CUSTOM = "+proj=tmerc +lat_0=48 +lon_0=9.3 +k=0.99995 +x_0=20000 +y_0=30000 +ellps=GRS80 +units=m +type=crs"
+OBLIQUE = "+proj=omerc +lat_0=4 +lonc=115 +alpha=53.3 +k=0.9998 +gamma=53.1 +ellps=GRS80 +units=m +type=crs"
 
 
-@pytest.mark.parametrize("crs", ["EPSG:2154", CUSTOM, "local"])
+@pytest.mark.parametrize("crs", ["EPSG:2154", OBLIQUE, "local"])
 def test_gdal_reads_numbers_names_place_and_crs(tmp_path: Path, crs: str) -> None:
     bands = grids()
     write_geotiff(tmp_path / "map.tif", bands, PLACE, frame(crs), "A <test>.")
@@ -98,5 +99,34 @@ def test_gdal_reads_numbers_names_place_and_crs(tmp_path: Path, crs: str) -> Non
             assert found.crs.to_epsg() == 2154
         else:
             assert not found.crs.is_projected
-        if crs == CUSTOM:  # as a text only
-            assert 'PARAMETER[""Central_Meridian"",9.3]' in found.crs.to_wkt()
+        if crs == OBLIQUE:  # as a text only
+            assert 'PARAMETER[""Azimuth"",53.3]' in found.crs.to_wkt()
+
+
+@pytest.mark.parametrize(
+    "projection",
+    [
+        "tmerc +lat_0=48 +lon_0=9.3 +k=0.99995 +x_0=20000 +y_0=30000 +ellps=GRS80",
+        "tmerc +lat_0=0 +lon_0=9 +k=1 +x_0=3500000 +ellps=bessel +towgs84=598.1,73.7,418.2,0.2,0.05,-2.5,6.7",
+        "lcc +lat_1=46.5 +lat_0=46.5 +lon_0=3 +k_0=0.9998 +x_0=6e5 +a=6378249.2 +b=6356515 +pm=paris",
+        "lcc +lat_1=48 +lat_2=50 +lat_0=49 +lon_0=13 +x_0=1000 +y_0=2000 +ellps=intl",
+        "merc +k=0.9996 +lon_0=10 +x_0=400 +y_0=500 +ellps=GRS80",
+        "sterea +lat_0=52.156 +lon_0=5.387 +k=0.9999 +x_0=155000 +y_0=463000 +ellps=bessel",
+    ],
+)  # fmt: skip
+def test_gdal_reads_a_projection_without_code_by_its_parameters(tmp_path: Path, projection: str) -> None:
+    declared = frame(f"+proj={projection} +units=m +type=crs")
+    write_geotiff(tmp_path / "map.tif", grids(20, 30), PLACE, declared, "A test.")
+    own = declared.crs
+    with rasterio.open(tmp_path / "map.tif") as found:
+        theirs = pyproj.CRS.from_wkt(found.crs.to_wkt())
+        shift = found.crs.to_dict().get("towgs84")
+    places = np.array([[9.1, 9.9], [48.2, 49.4]])
+    np.testing.assert_allclose(
+        pyproj.Proj(theirs)(*places), pyproj.Proj(own)(*places), rtol=0.0, atol=1e-6, err_msg=str(theirs)
+    )
+    for part in ("semi_major_metre", "semi_minor_metre"):
+        np.testing.assert_allclose(getattr(theirs.ellipsoid, part), getattr(own.ellipsoid, part), atol=1e-6)
+    assert theirs.is_projected
+    if own.is_bound:
+        assert shift == "598.1,73.7,418.2,0.2,0.05,-2.5,6.7"
