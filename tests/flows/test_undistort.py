@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import fcntl
+import os
 import subprocess
 import sys
 import time
@@ -227,6 +229,48 @@ def test_every_image_of_a_folder_is_stated_whichever_call_has_written_it(
     assert [line.split(";")[:2] for line in images.splitlines()] == [
         [f"{file}: camera {camera}", " Lanczos' window (6 x 6 pixels)"] for file in ("a.tif", "b.tif")
     ]
+
+
+def test_a_call_waits_for_another_one_that_states_its_images(
+    start: Start, results: Path, name: str, tmp_path: Path
+) -> None:
+    """Otherwise each would state what it has read before the other one, and one image would be lost."""
+    image, out = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8")), tmp_path / "out"
+    out.mkdir()
+    other = os.open(out, os.O_RDONLY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    command = (sys.executable, "-m", "flows.command", "undistort", results, image, "--out", out)
+    process = start(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while not (out / image.name).exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(2.0)
+    (out / "UNDISTORTED.txt").write_text("Of another call.\n\nother.tif: camera A; cubic\n")
+    (out / "other.tif").touch()
+    os.close(other)
+    assert process.wait() == 0
+    stated = (out / "UNDISTORTED.txt").read_text().split("\n\n")[-1]
+    assert [line.partition(":")[0] for line in stated.splitlines()] == ["other.tif", image.name]
+
+
+def test_an_image_is_left_out_where_another_call_has_begun_with_other_cameras(
+    start: Start, results: Path, name: str, tmp_path: Path
+) -> None:
+    image, out = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8")), tmp_path / "out"
+    out.mkdir()
+    other = os.open(out, os.O_RDONLY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    command = (sys.executable, "-m", "flows.command", "undistort", results, image, "--out", out)
+    process = start(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while not (out / image.name).exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    (out / "cameras.csv").write_bytes(b"theirs")
+    os.close(other)
+    assert process.wait() == 2
+    assert {file.name for file in out.iterdir()} == {"cameras.csv"}
+    assert (out / "cameras.csv").read_bytes() == b"theirs"
 
 
 def test_an_image_is_written_again_over_its_own_result(results: Path, name: str, tmp_path: Path) -> None:

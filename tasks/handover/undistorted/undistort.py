@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import logging
 import os
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast, get_args
@@ -95,8 +97,7 @@ def undistort(
         _log.info("%s: image %d of %d", job.file, number, len(jobs))
         done.add(maps[name], _carried_out(job, maps[name], folder, work, progress))
         # After each image: a run that is killed leaves a folder that the next one knows as its own.
-        _write(folder, _CAMERAS, ideal)
-        _write(folder, STATEMENT, done.after(_stated(folder)).text)
+        _state(folder, job.file, ideal, done)
     return Undistorted(folder, tuple(job.file for job in jobs), done.text)
 
 
@@ -144,6 +145,33 @@ def _require_own(folder: Path, jobs: Sequence[_Job], cameras: str) -> None:
             raise Location(folder / job.file).error(
                 "It exists already, and the folder has no images of aerocal undistort.", "Give another --out."
             )
+
+
+def _state(folder: Path, image: str, cameras: str, done: Statement) -> None:
+    """State the images, one of them just written, with those that other calls have written meanwhile."""
+    with _alone(folder):
+        try:
+            _require_own(folder, (), cameras)
+        except InputError:
+            # Another call has begun since with other cameras.
+            (folder / image).unlink(missing_ok=True)
+            raise
+        _write(folder, _CAMERAS, cameras)
+        _write(folder, STATEMENT, done.after(_stated(folder)).text)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """While no other call states images in a folder: one of the two statements would be lost."""
+    with writing_into(folder):
+        handle = os.open(folder, os.O_RDONLY)
+    try:
+        # Some network folders have no locks.
+        with suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _write(folder: Path, file: str, content: str) -> None:
