@@ -15,7 +15,7 @@ from flows.command.exit_code import DONE, INPUT_ERROR, complain
 from flows.command.registry_words import changes_table
 from flows.command.screen_table import print_listed, screen
 from tasks.errors import InputError
-from tasks.files.installation import writing_into
+from tasks.files.installation import write_whole
 from tasks.files.json_text import json_text
 from tasks.registry.approval import Approval, approval_of
 from tasks.registry.calibration_file import has_calibration, read_calibrations
@@ -144,8 +144,7 @@ def export_calibration(number: str, out: Path | None, address: str | None) -> in
         sys.stdout.buffer.write(content)
         sys.stdout.buffer.flush()
         return DONE
-    with writing_into(out.parent):
-        out.write_bytes(content)
+    write_whole(out, content)
     return DONE
 
 

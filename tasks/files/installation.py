@@ -6,6 +6,7 @@ Neither the input nor the adjustment is to blame, so the command line ends with 
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -79,6 +80,30 @@ def writing_into(folder: Path, option: str | None = "--out") -> Iterator[None]:
                 f"Make it available and writable{elsewhere}.",
             ) from error
         raise
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file completely, or leave what was there.
+
+    Raises
+    ------
+    InstallationError
+        As of `writing_into`.
+    """
+    data = content if isinstance(content, bytes) else content.encode("utf-8")
+    with writing_into(path.parent):
+        # A device or pipe stays one, and a link keeps leading to its file.
+        if path.exists() and not path.is_file():
+            path.write_bytes(data)
+            return
+        path = path.resolve()
+        # One name for all: that of a file may be as long as a name can be.
+        part = path.with_name(f".aerocal.{os.getpid()}.part")
+        try:
+            part.write_bytes(data)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def _within(filename: object, folder: Path) -> bool:

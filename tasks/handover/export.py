@@ -12,7 +12,7 @@ import numpy as np
 from adjust.handover.refit import Freed
 from tasks.errors import InputError
 from tasks.files.delivered_file import require_folder, require_none_replaced
-from tasks.files.installation import writing_into
+from tasks.files.installation import write_whole, writing_into
 from tasks.handover.block_points import BlockPoints, read_points
 from tasks.handover.delivery import Angles, Delivery, DeliveryFormat
 from tasks.handover.distortion_grid import distortion_grids
@@ -221,7 +221,4 @@ def _write(folder: Path, files: dict[str, str | bytes]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / STATEMENT).unlink(missing_ok=True)
         for name, content in files.items():
-            # One name for all: that of a file may be as long as a name can be.
-            part = folder / f".{STATEMENT}.part"
-            part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
-            part.replace(folder / name)
+            write_whole(folder / name, content)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tasks.errors import Location
 from tasks.files.delivered_file import is_there, read_delivered
-from tasks.files.installation import writing_into
+from tasks.files.installation import write_whole, writing_into
 
 _FIGURE, _DRAWING, _DRAWN = '<figure id="figure-', "<svg ", "</svg>"
 _NAME = re.compile(r'(?P<name>[\w-]{1,99})">')
@@ -48,7 +48,7 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
     with writing_into(out):
         out.mkdir(parents=True, exist_ok=True)
         for file, drawing in files.items():
-            file.write_text(drawing, encoding="utf-8")
+            write_whole(file, drawing)
     return tuple(files)
 
 

@@ -14,7 +14,7 @@ from tasks.document_kit.templates import rendered
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.documents.time_series.plot import COLOURS, LIMIT, reference_of, series_plot, time_scale
 from tasks.errors import InputError
-from tasks.files.installation import writing_into
+from tasks.files.installation import write_whole, writing_into
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.series import ParameterSeries, series_of
 from tasks.registry.shared_numbers import shared_numbers
@@ -42,7 +42,7 @@ def write_time_series(file: Path, items: Sequence[StoredCalibration]) -> None:
     page = time_series_page(items)
     with writing_into(file.parent):
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(page, encoding="utf-8")
+        write_whole(file, page)
 
 
 def time_series_page(items: Sequence[StoredCalibration]) -> str:

@@ -16,7 +16,7 @@ from adjust.options import available_threads
 from adjust.resampling.resampled import Resampling
 from tasks.errors import InputError, Location
 from tasks.files.delivered_file import require_folder
-from tasks.files.installation import writing_into
+from tasks.files.installation import write_whole, writing_into
 from tasks.handover.formats.corrected_csv import ideal_cameras
 from tasks.handover.results import CalibratedCamera, film_cameras, read_cameras
 from tasks.handover.undistorted.camera_map import CameraMap, camera_map
@@ -156,8 +156,8 @@ def _state(folder: Path, image: str, cameras: str, done: Statement) -> None:
             # Another call has begun since with other cameras.
             (folder / image).unlink(missing_ok=True)
             raise
-        _write(folder, _CAMERAS, cameras)
-        _write(folder, STATEMENT, done.after(_stated(folder)).text)
+        write_whole(folder / _CAMERAS, cameras)
+        write_whole(folder / STATEMENT, done.after(_stated(folder)).text)
 
 
 @contextmanager
@@ -172,14 +172,6 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-def _write(folder: Path, file: str, content: str) -> None:
-    with writing_into(folder):
-        # Another call may be writing into the same folder.
-        part = folder / f".{file}.{os.getpid()}.part"
-        part.write_text(content, encoding="utf-8")
-        part.replace(folder / file)
 
 
 def _jobs(

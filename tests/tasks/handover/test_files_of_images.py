@@ -16,6 +16,7 @@ from tasks.formats.stac import read_stac_exposures
 from tasks.handover.delivery import Angles
 from tasks.handover.export import Wanted, write_block
 from tasks.handover.formats.register import REGISTER
+from tests.tasks.forked import fails_with_files_of_at_most
 from tests.tasks.formats import sound_files as sound
 from tests.tasks.formats.packed_files import OPF, packed
 from tests.tasks.handover.flown_block import Flight, delivered, flown
@@ -57,6 +58,13 @@ def test_a_name_that_is_too_long_with_its_ending_is_refused_before_anything_is_w
     with pytest.raises(InputError, match=r"'1000ä{36}…': 2(56|60) bytes"):
         write_block(named, lambda: points, Wanted(form, form.world, Angles()), tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_full_disk_leaves_no_part_of_a_file(tmp_path):
+    results, points = flown(Flight())
+    wanted = Wanted(REGISTER["patb"], "map", Angles())
+    assert fails_with_files_of_at_most(10, lambda: write_block(results, lambda: points, wanted, tmp_path))
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ENDINGS)
