@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import re
 import sys
 from collections.abc import Sequence
 from datetime import date
@@ -17,6 +18,7 @@ from flows.command.screen_table import print_listed, screen
 from tasks.errors import InputError
 from tasks.files.installation import write_whole
 from tasks.files.json_text import json_text
+from tasks.plain_text import quoted
 from tasks.registry.approval import Approval, approval_of
 from tasks.registry.calibration_file import has_calibration, read_calibrations
 from tasks.registry.contents import StoredCalibration
@@ -25,6 +27,9 @@ from tasks.registry.radiometric import RadiometricResult, changes, read_radiomet
 from tasks.registry.registry import Registry, Signature
 from tasks.registry.shared_numbers import shared_numbers
 from tasks.settings.registry import registry_address
+
+# A digest, whole or enough of it that no other event has the same by chance.
+_STATE = re.compile(r"[0-9a-fA-F]{16,64}")
 
 
 def opened(address: str | None) -> Registry:
@@ -150,6 +155,12 @@ def export_calibration(number: str, out: Path | None, address: str | None) -> in
 
 def verify_registry(since: str | None, address: str | None, *, as_json: bool) -> int:
     """Report whether every record is as it was written."""
+    if since is not None and not _STATE.fullmatch(since):
+        raise InputError(
+            f"{quoted(since)} is not a state.",
+            "Give the digest that `aerocal registry verify` printed, 16 of its digits or all.",
+            entity="--since",
+        )
     found = opened(address)
     contents, results = found.verified(), found.radiometric()
     sentences = [finding.sentence for finding in contents.findings]

@@ -260,7 +260,10 @@ def test_a_refused_calibration_is_approved_with_a_reason_only(filled: Console) -
         (("approve", "2", "--from", "2025-01-01"), "approved already"),
         (("approve", "3", "--from", "2025-01-01", "--to", "2024-01-01"), "before it begins"),
         (("add", "nowhere"), "nowhere"),
-        (("verify", "--since", "0123456789"), "not written by aerocal"),
+        (("verify", "--since", "0123456789abcdef"), "not written by aerocal"),
+        # Before, the first was as no state at all, and the second one of any event that begins with it.
+        (("verify", "--since", ""), "--since: '' is not a state"),
+        (("verify", "--since", "a"), "--since: 'a' is not a state"),
         (("list", "--registry", "mysql://u:secret@h/d"), "cannot be kept in 'mysql'"),
         (("list", "--registry", "postgresql://u:secret@h:port/d"), "is not valid"),
         (("list", "--registry", "postgresql://u:secret@h/d?x=1"), "'x' is not valid"),
