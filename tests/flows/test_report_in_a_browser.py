@@ -88,6 +88,26 @@ def test_no_table_is_clipped_and_the_page_does_not_scroll_sideways(
     page.close()
 
 
+@pytest.mark.parametrize(("size", "digits"), [((), 4), (("flight.0.height_m=600",), 6)])
+def test_words_of_a_map_lie_over_none_of_its_long_numbers_on_a_narrow_screen(
+    browser: Browser, tmp_path: Path, size: tuple[str, ...], digits: int
+) -> None:
+    place = ("project.crs=EPSG:25832", "project.latitude_deg=48", "project.longitude_deg=9.3")
+    simulation = load_simulation("dmc-burn-in", ("points.count=200", *place, *size))
+    found = carry_out(aerial_triangulation, RunRequest(simulate_project(simulation, tmp_path).project_file))
+    assert found.error is None, found.error
+    page = browser.new_page(viewport={"width": 500, "height": 800})
+    page.goto((found.directory / "report.html").as_uri())
+    upwards = page.locator("#figure-block .axis").last
+    assert {len(text) for text in upwards.locator("text:not(.label)").all_text_contents()} == {digits}
+    assert [words for words in page.evaluate(OVER_NUMBERS) if "[km]" in words] == []
+    box = upwards.locator(".label").bounding_box()
+    assert box is not None
+    assert box["x"] >= 0.0
+    assert page.evaluate("document.documentElement.scrollWidth") <= 500
+    page.close()
+
+
 def test_the_settings_are_folded_and_not_printed(browser: Browser, results: Path) -> None:
     page = browser.new_page()
     page.goto((results / "report.html").as_uri())
