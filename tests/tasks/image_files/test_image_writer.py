@@ -238,3 +238,17 @@ def no_more_than(source: Path, path: Path, most: int = 1_000_000) -> None:
         copied(source, path)
     # Without what the process that was copied would do at its end (a worker of pytest-xdist fails there).
     os._exit(0)
+
+
+@pytest.mark.parametrize("driver", ["GTiff", "COG"])
+def test_an_image_may_have_the_longest_name_there_is(tmp_path: Path, driver: str) -> None:
+    path = tmp_path / f"{'x' * 251}.tif"
+    plain = written(tmp_path / "plain.tif", pixels(1, ROWS, COLUMNS, "uint8"))
+    rasterio.shutil.copy(plain, tmp_path / "a.tif", driver=driver)
+    with opened_image(tmp_path / "a.tif") as source:
+        data = source.read((0, ROWS))
+        with image_like(source, path) as made:
+            made.write(0, data, None)
+    with rasterio.open(path) as found:
+        np.testing.assert_array_equal(found.read(), data)
+    assert {file.name for file in tmp_path.iterdir()} == {"plain.tif", "a.tif", path.name}
