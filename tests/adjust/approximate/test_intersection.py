@@ -52,6 +52,19 @@ def test_the_normal_case_gives_height_from_the_parallax() -> None:
     assert found.usable.all()
 
 
+def test_the_angle_is_that_of_the_two_rays_that_are_farthest_apart() -> None:
+    left, right = two_cameras(400.0), two_cameras(200.0)
+    state = replace(
+        left,
+        projection_centre=np.concatenate([left.projection_centre, right.projection_centre]),
+        local_from_camera=np.stack([np.eye(3)] * 4),
+    )
+    x = -state.projection_centre[:, 0] * C / 1000.0
+    four = rays([[place, 0.0] for place in x], [0, 1, 2, 3], [0] * 4)
+    found = intersect(replace(four, camera_of_image=np.zeros(4, int)), state, 1)
+    assert found.angle[0] == pytest.approx(2.0 * np.arctan(0.2))
+
+
 def test_points_that_several_threads_share_are_all_where_their_parallaxes_say() -> None:
     base, points = 400.0, 6_000
     height = np.linspace(-100.0, 300.0, points)
@@ -72,8 +85,9 @@ def test_exact_rays_of_a_block_meet_at_the_true_points_without_approximate_value
     np.testing.assert_allclose(found.object_point, scene.truth.object_point, atol=1e-8)
 
 
-def test_the_intersection_is_the_least_squares_solution_with_the_weights_of_the_rays() -> None:
-    scene = two_strips(noise_seed=3)
+@pytest.mark.parametrize("distorted", [False, True])
+def test_the_intersection_is_the_least_squares_solution_with_the_weights_of_the_rays(distorted: bool) -> None:
+    scene = two_strips(noise_seed=3, additional=distorted, forward=distorted)
     image_points = scene.observations.image_points
     generator = np.random.default_rng(4)
     image_points = replace(

@@ -34,6 +34,25 @@ def test_the_movement_of_points_is_found_exactly(flat: float) -> None:
     assert found.shift == pytest.approx(movement().shift)
 
 
+def test_of_noisy_and_of_mirrored_points_the_nearest_movement_is_a_rotation_with_the_best_scale() -> None:
+    generator = np.random.default_rng(GENERATOR_SEED)
+    source = generator.normal(size=(12, 3)) * [1.0, 1.0, 0.3]
+    noisy = movement().points(source) + 0.5 * generator.normal(size=source.shape)
+    for target in (noisy, source * [1.0, 1.0, -1.0]):
+        found = fitted(source, target)
+        assert np.linalg.det(found.rotation) == pytest.approx(1.0)
+        one, other = source - source.mean(axis=0), target - target.mean(axis=0)
+        turned = one @ found.rotation.T
+        assert found.scale == pytest.approx(np.sum(turned * other) / np.sum(one**2))
+        # No rotation nearby leaves less.
+        left = np.sum((found.points(source) - target) ** 2)
+        for small in np.concatenate([np.eye(3), -np.eye(3)]) * 1e-3:
+            beside = Similarity.about(
+                found.scale, rotation.exp(small) @ found.rotation, source.mean(axis=0), target.mean(axis=0)
+            )
+            assert np.sum((beside.points(source) - target) ** 2) > left
+
+
 def test_a_third_of_the_points_may_be_wrong() -> None:
     generator = np.random.default_rng(GENERATOR_SEED)
     source = generator.normal(size=(30, 3))
@@ -43,6 +62,11 @@ def test_a_third_of_the_points_may_be_wrong() -> None:
     assert found.rotation == pytest.approx(movement().rotation, abs=1e-9)
     assert not agreeing[::3].any()
     assert agreeing.sum() == 20
+    # Of noisy ones what is off by a hundred times the noise.
+    target = movement().points(source) + 0.01 * generator.normal(size=source.shape)
+    target[::3] += [1.0, 0.0, 0.0]
+    _, agreeing = robustly_fitted(source, target)
+    np.testing.assert_array_equal(agreeing, np.arange(30) % 3 > 0)
 
 
 def test_points_on_a_line_are_recognised() -> None:
@@ -50,6 +74,9 @@ def test_points_on_a_line_are_recognised() -> None:
     assert on_a_line(along)
     assert on_a_line(along[:2])
     assert not on_a_line(np.vstack([along, [0.0, 1.0, 0.0]]))
+    for across, on_one in ((0.019, True), (0.021, False)):
+        cross = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, across, 0.0], [0.0, -across, 0.0]])
+        assert on_a_line(cross) is on_one
 
 
 def test_directions_are_turned_into_each_other() -> None:

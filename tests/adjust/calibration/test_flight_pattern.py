@@ -43,6 +43,7 @@ def test_the_uce_pattern_has_four_directions_and_two_heights() -> None:
         ((0.0, 90.0), [0, 90], 0, 1),
         ((355.0, 2.0, 6.0), [0], 0, 0),
         ((45.0, 225.0, 135.0), [40, 140, 220], 1, 2),
+        ((0.0, 135.0), [0, 140], 0, 1),
     ],
 )
 def test_opposite_and_crossing_are_told_apart(
@@ -68,6 +69,10 @@ def test_a_turn_at_the_end_of_a_strip_is_no_direction() -> None:
     pattern = flight_pattern(heading, np.full(11, 900.0), np.zeros(11, dtype=np.int64))
     assert len(pattern.directions) == 1
     assert pattern.images.sum() == 10
+    # A third of a strip is no turn.
+    heading = np.deg2rad(np.array([90.0] * 8 + [180.0] * 4))
+    pattern = flight_pattern(heading, np.full(12, 900.0), np.zeros(12, dtype=np.int64))
+    assert pattern.images.ravel().tolist() == [8, 4]
 
 
 def test_undeclared_strips_do_not_hide_the_pattern() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from adjust.adjustment import adjust_block
 from adjust.block import Block
-from adjust.calibration.indicated_lever_arm import UNSTATED_SHIFT, indicated_lever_arms
+from adjust.calibration.indicated_lever_arm import indicated_lever_arms
 from adjust.observations.base import StochasticModel
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
@@ -49,17 +49,21 @@ def with_given(block: Block, lever_arm: np.ndarray) -> Block:
 
 
 def with_small_shift(observations: Observations) -> Observations:
-    sigma = StochasticModel.from_sigma(np.full((1, 3), UNSTATED_SHIFT))
+    sigma = StochasticModel.from_sigma(np.full((1, 3), 0.20))
     prior = DirectObservations(FAMILIES[GNSS_SHIFT], np.zeros(1, dtype=np.int64), np.zeros((1, 3)), sigma)
     return replace(observations, others=(*observations.others, prior))
 
 
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("sign", "stated", "within"), [(-1.0, 1.0, 0.02), (1.0, 1.0, 0.02), (1.0, 0.5, 0.002)]
+)
 def test_it_is_that_of_an_adjustment_with_lever_arm_and_small_shift_free(
-    simulated: SimulatedBlock, sign: float
+    simulated: SimulatedBlock, sign: float, stated: float, within: float
 ) -> None:
     held = with_given(simulated.block((BORESIGHT,)), sign * TRUE)
     observations = simulated.observations(held)
+    rays = observations.image_points
+    observations = replace(observations, image_points=replace(rays, sigma=stated * rays.sigma))
     found = indicated_lever_arms(held, adjust_block(held, observations))
     assert found is not None
     free = with_given(simulated.block((BORESIGHT, LEVER_ARM, GNSS_SHIFT)), sign * TRUE)
@@ -68,7 +72,8 @@ def test_it_is_that_of_an_adjustment_with_lever_arm_and_small_shift_free(
     sigma = np.sqrt(np.diagonal(right.cofactor.reduced.corner)[columns]) * max(1.0, right.test.sigma0)
     # One step from a lever arm that is 2.8 m off: what is not linear in it is below a tenth of a σ.
     assert (np.abs(found.value[0] - right.state.system[LEVER_ARM][0]) < 0.1 * sigma).all()
-    np.testing.assert_allclose(found.sigma[0], sigma, rtol=0.02)
+    assert (right.test.sigma0 > 1.5) == (stated < 1.0)
+    np.testing.assert_allclose(found.sigma[0], sigma, rtol=within)
     assert (np.abs(found.value[0] - TRUE) < 4.0 * found.sigma[0]).all()
 
 

@@ -207,6 +207,9 @@ def test_errors_common_to_neighbours_increase_the_variance() -> None:
     assert serial_increase(walk, flight) == pytest.approx(3.0, rel=0.1)
     assert serial_increase(errors[:, None][:2000], flight) == pytest.approx(1.0, abs=0.1)
     assert serial_increase(np.array([[1.0], [-1.0]] * 4), flight[:8]) == 1.0
+    # Two pairs within flights: a correlation of (2 + 1) / 2 over 15 / 4 is 0.4.
+    two_flights = serial_increase(np.array([[2.0], [1.0], [1.0], [3.0]]), np.array([0, 0, 0, 1]))
+    assert two_flights == pytest.approx(1.4 / 0.6)
 
 
 def test_two_days_without_names_are_told_apart_by_their_gap() -> None:
@@ -229,6 +232,17 @@ def test_values_are_divided_where_the_gap_is() -> None:
     np.testing.assert_array_equal(cluster, values > 6.0)
     assert split_in_two(np.zeros(8), 0.01) is None
     assert split_in_two(np.array([0.0, 0.0, 1.0, 1.0]), 0.5) is None
+
+
+def test_a_division_has_the_chance_of_students_t_times_the_number_of_divisions() -> None:
+    one, other = np.array([0.1, -0.2, 0.0, 0.3]), np.array([1.1, 0.8, 1.3])
+    chance = stats.ttest_ind(other, one, alternative="greater").pvalue * 2.0**7
+    values = np.concatenate([one, other])
+    assert chance < 1.0
+    assert split_in_two(values, 0.999 * chance) is None
+    cluster = split_in_two(values, 1.001 * chance)
+    assert cluster is not None
+    np.testing.assert_array_equal(cluster, np.arange(7) > 3)
 
 
 def test_values_that_belong_together_are_not_divided() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.offset_separation import OffsetSeparation, separated_offset
 from adjust.calibration.strip_offsets import body_fixed, estimable, linear_fit, map_fixed, nested_test
 from tests.adjust.calibration.strips_flown import remounted, strips_flown
@@ -73,6 +74,16 @@ def test_without_errors_both_come_back_exactly() -> None:
     assert found.verdict == "both"
     np.testing.assert_allclose(found.lever_arm, [0.3, -0.2], atol=1e-12)
     np.testing.assert_allclose(found.shift, [0.5, 0.1], atol=1e-12)
+
+
+def test_an_error_common_to_all_strips_is_one_of_the_shift_alone() -> None:
+    strips = strips_flown(np.random.default_rng(3), (8,), headings_deg=BACK_AND_FORTH)
+    covariance = np.zeros((8, 6, 8, 6))
+    covariance[:, 3, :, 3], covariance[:, 4, :, 4] = 0.05**2, 0.02**2
+    none = np.zeros(8, dtype=np.int64)
+    plain, found = (separated_offset(strips, none, 0.01, of) for of in (None, StripErrors(covariance)))
+    np.testing.assert_allclose(found.shift_sigma, np.hypot(plain.shift_sigma, [0.05, 0.02]))
+    np.testing.assert_allclose(found.lever_arm_sigma, plain.lever_arm_sigma)
 
 
 def test_both_lie_within_their_standard_deviations() -> None:

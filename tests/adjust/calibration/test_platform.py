@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -42,6 +44,9 @@ def test_two_hundred_ties_find_the_heads(focal_lengths: bool) -> None:
     assert found.redundancy == 404 - 9 - (3 if focal_lengths else 0)
     assert 0.9 < found.sigma0 < 1.1
     assert max(found.probability(head) for head in range(4)) < 1e-6
+    near = replace(found, change=found.change * 1e-2)
+    size = near.change[1] @ np.linalg.inv(found.covariance[3:6, 3:6]) @ near.change[1]
+    assert near.probability(1) == pytest.approx(scipy.stats.chi2.sf(size, 3))
     np.testing.assert_allclose(found.change.sum(axis=0), 0.0, atol=1e-12)
     np.testing.assert_allclose(np.diagonal(found.correlation), 1.0)
     if focal_lengths:
@@ -89,3 +94,6 @@ def test_the_datum_takes_the_common_rotation_out_of_a_covariance() -> None:
     found = covariance_with_mean_rotation(relative + common)
     np.testing.assert_allclose(found, covariance_with_mean_rotation(relative), atol=1e-9)
     np.testing.assert_allclose(found @ np.tile(np.eye(3), 4).T, 0.0, atol=1e-9)
+    error = found @ random.normal(size=12)
+    size, freedom = joint_test(error, found)
+    assert (size, freedom) == (pytest.approx(error @ np.linalg.pinv(found, rcond=1e-10) @ error), 9)

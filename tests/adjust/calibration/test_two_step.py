@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
+from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.orientation_differences import (
     OrientationDifferences,
     OrientationPairs,
@@ -119,6 +122,7 @@ def test_the_shift_is_what_the_given_lever_arm_leaves() -> None:
         pairs, none, none, np.arange(4.0), np.ones(4), given_lever_arm=np.asarray(LEVER_ARM)
     )
     np.testing.assert_allclose(found.shift, np.broadcast_to(shift, (4, 3)), atol=1e-12)
+    np.testing.assert_allclose(np.mod(found.heading, 2.0 * np.pi), headings, atol=1e-12)
     found = orientation_differences(pairs, none, none, np.arange(4.0), np.ones(4))
     np.testing.assert_allclose(found.shift - shift, body @ LEVER_ARM, atol=1e-12)
 
@@ -184,6 +188,8 @@ def test_two_strips_of_another_mounting_have_at_least_the_scatter_of_the_others(
     remounted(differences, [3, 5], [-0.3, -0.4, 0.0])
     result = two_step_calibration(differences, RULE)
     other, between = result.others[0], result.main.between
+    of_main = result.strips.mean[result.mountings.mounting == 0]
+    np.testing.assert_array_equal(between, of_main.std(axis=0, ddof=1))
     assert other.strips == 2
     in_plan = min(np.linalg.norm(between[3:5]), np.linalg.norm(between[6:8])) / np.sqrt(2.0)
     expected = np.concatenate([between[:3], [in_plan] * 2, between[5:6], [in_plan] * 2, between[8:]])
@@ -191,6 +197,31 @@ def test_two_strips_of_another_mounting_have_at_least_the_scatter_of_the_others(
     np.testing.assert_array_equal(other.freedom, 11)
     np.testing.assert_array_equal(result.main.freedom, 11)
     np.testing.assert_array_equal(result.main.sigma, result.main.mean.robust_sigma)
+
+
+def test_one_strip_alone_has_the_scatter_of_its_exposures_and_the_errors_of_the_adjustment() -> None:
+    differences = flown(headings_deg=(0,))
+    known = np.array([1e-4, 2e-4, 3e-4, 0.02, 0.03, 0.04])
+    errors = StripErrors(np.diag(known**2).reshape(1, 6, 1, 6))
+    alone, found = (
+        two_step_calibration(differences, RULE).main,
+        two_step_calibration(differences, RULE, errors).main,
+    )
+    # Flown to the north, forward is north and right is east.
+    np.testing.assert_allclose(found.known, known[[0, 1, 2, 4, 3, 5, 3, 4, 5]])
+    np.testing.assert_allclose(found.sigma, np.hypot(alone.mean.robust_sigma, found.known), rtol=0.02)
+
+
+def test_lever_arm_and_shift_are_averaged_apart_whatever_they_have_in_common() -> None:
+    differences = flown(with_covariance=True)
+    assert differences.covariance is not None
+    size = np.random.default_rng(6).uniform(0.5, 2.0, len(differences.strip))
+    differences = replace(differences, covariance=differences.covariance * size[:, None, None])
+    apart = [differences.covariance[:, part][:, :, part] for part in (slice(0, 6), slice(6, 9))]
+    mean = two_step_calibration(differences, RULE).groups[0].mean
+    for part, covariance in zip((slice(0, 6), slice(6, 9)), apart, strict=True):
+        expected = robust_mean(differences.components[:, part], differences.strip, covariance)
+        np.testing.assert_allclose(mean.robust[part], expected.robust, rtol=1e-6)
 
 
 def test_a_strip_with_a_gnss_error_of_some_centimetres_is_outlying_and_no_mounting() -> None:
@@ -256,14 +287,48 @@ def test_a_drift_is_the_change_over_the_strip() -> None:
     assert abs(found.drift[0, 1]) < 1e-12
 
 
+def test_drift_and_scatter_of_a_strip_are_those_of_a_regression() -> None:
+    differences = flown(headings_deg=(0,), per_strip=7)
+    found = strip_means(differences)
+    for component, values in enumerate(differences.components.T):
+        fit = stats.linregress(differences.place, values)
+        assert found.drift[0, component] == pytest.approx(6.0 * fit.slope)
+        assert found.drift_sigma[0, component] == pytest.approx(6.0 * fit.stderr)
+        assert found.scatter[0, component] == pytest.approx(values.std(ddof=1))
+
+
+def test_covariances_of_the_components_follow_from_those_of_the_pairs() -> None:
+    turn = rotation.exp(np.array([[0.3, -0.2, 1.1], [-0.1, 0.2, -2.0]]))
+    enu = rotation.exp(np.array([[0.1, 0.05, 0.4], [0.0, -0.1, 0.2]]))
+    mounting = np.broadcast_to(nominal_mounting(90), (2, 3, 3))
+    half = np.random.default_rng(3).normal(size=(2, 6, 6))
+    covariance = half @ np.swapaxes(half, 1, 2)
+    none = np.zeros(2, dtype=np.int64)
+
+    def found(position: np.ndarray) -> OrientationDifferences:
+        pairs = OrientationPairs(np.zeros((2, 3)), turn @ mounting, position, turn, mounting, enu)
+        return orientation_differences(pairs, none, none, np.zeros(2), np.ones(2), covariance)
+
+    start = found(np.zeros((2, 3)))
+    moved = [found(np.tile(step, (2, 1))).components - start.components for step in np.eye(3)]
+    derivative = np.concatenate([np.zeros((2, 9, 3)), np.stack(moved, axis=2)], axis=2)
+    derivative[:, :3, :3] = np.eye(3)
+    assert start.covariance is not None
+    np.testing.assert_allclose(
+        start.covariance, derivative @ covariance @ np.swapaxes(derivative, 1, 2), atol=1e-12
+    )
+
+
 def test_headings_are_grouped_across_north() -> None:
     np.testing.assert_array_equal(direction_groups(np.deg2rad([359, 181, 2, 179, 90])), [0, 2, 0, 2, 1])
     np.testing.assert_array_equal(direction_groups(np.deg2rad([5.0, 8.0])), [0, 0])
     assert len(set(direction_groups(np.deg2rad(np.arange(0, 360, 20.0))))) == 1
+    np.testing.assert_array_equal(direction_groups(np.deg2rad([10.0, 45.0, 70.0])), [0, 1, 1])
 
 
 def test_heights_are_grouped_by_gaps_of_a_tenth() -> None:
     np.testing.assert_array_equal(height_groups(np.array([2340.0, 780, 800, 2300])), [1, 0, 0, 1])
+    np.testing.assert_array_equal(height_groups(np.array([1000.0, 1090, 1210])), [0, 0, 1])
 
 
 def test_the_mean_of_equal_strips_has_the_scatter_of_their_means() -> None:
@@ -272,6 +337,20 @@ def test_the_mean_of_equal_strips_has_the_scatter_of_their_means() -> None:
     of_strip = rng.normal(size=6)
     found = robust_mean(np.repeat(of_strip, 4)[:, None], np.repeat(np.arange(6), 4))
     assert found.plain_sigma[0] == pytest.approx(of_strip.std(ddof=1) / np.sqrt(6))
+
+
+def test_the_robust_mean_is_that_of_huber_with_the_scatter_about_the_median() -> None:
+    values = np.random.default_rng(8).exponential(size=31)
+    found = robust_mean(values[:, None], np.arange(31))
+    spread = np.median(np.abs(values - np.median(values))) / stats.norm.ppf(0.75)
+    influence = np.clip((values - found.robust[0]) / spread, -1.5, 1.5)
+    assert np.abs(influence).max() == 1.5
+    assert influence.sum() == pytest.approx(0.0, abs=1e-6)
+    assert found.scatter[0] == pytest.approx(spread)
+    # Of one strip the exposures are all there is.
+    alone = robust_mean(values[:, None], np.zeros(31, dtype=np.int64))
+    assert alone.plain_sigma[0] == pytest.approx(values.std(ddof=1) / np.sqrt(31))
+    assert alone.robust_sigma[0] == pytest.approx(found.robust_sigma[0])
 
 
 def test_a_tenth_of_gross_errors_moves_the_robust_mean_by_less_than_its_scatter() -> None:

@@ -27,6 +27,11 @@ def test_without_known_errors_sigma_is_the_scatter_and_has_one_freedom_less_than
     assert found.sigma == pytest.approx(strips.std(ddof=1) / np.sqrt(5), rel=1e-4)
     assert found.freedom == pytest.approx(4.0, rel=1e-3)
     assert found.known == 0.0
+    # Strips weigh with their exposures.
+    weighted = mean_sigma(strips, np.zeros((5, 5)), np.array([1, 1, 2, 3, 9]))
+    assert weighted.sigma == pytest.approx(strips.std(ddof=1) * np.sqrt(96.0) / 16.0, rel=1e-4)
+    equal = mean_sigma(np.zeros(4), np.zeros((4, 4)), np.ones(4))
+    assert (equal.sigma, equal.freedom, equal.known) == (0.0, 3.0, 0.0)
 
 
 def test_an_error_common_to_all_strips_adds_to_the_variance_and_not_to_the_scatter() -> None:

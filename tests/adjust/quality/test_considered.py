@@ -444,6 +444,12 @@ def test_a_prior_is_tested_with_the_errors_of_what_is_considered_besides(case: D
     assert test.statistic == pytest.approx(expected, rel=1e-4)
     alone = residual @ np.linalg.solve(outside[rows, rows], residual)
     assert expected < 0.95 * alone
+    # σ0 is one of the block; the covariance of the prior is as given.
+    variance = np.full(len(a), 0.7**2)
+    variance[rows] = 1.0
+    spread = (outside[rows] * variance) @ outside[rows].T + moved @ uncertain.covariance @ moved.T
+    smaller = contradiction_of_prior(prior, adjusted.state, wide.layout, adjusted.quality, 0.7)
+    assert smaller.statistic == pytest.approx(residual @ np.linalg.solve(spread, residual), rel=1e-4)
 
 
 def test_prior_is_no_observation_that_could_be_rejected() -> None:

@@ -49,6 +49,9 @@ def test_it_is_the_mean_product_of_the_pairs_of_an_image() -> None:
     square = np.nanmean(v**2, axis=0)
     np.testing.assert_allclose(found.correlation, total / pairs / square, rtol=1e-10)
     np.testing.assert_allclose(found.sigma, np.sqrt(square))
+    present = np.array([np.isfinite(v[image == number]).sum(axis=0) for number in range(4)])
+    in_an_image = (present**2).sum(axis=0) / present.sum(axis=0)
+    np.testing.assert_allclose(found.limit, 3.0 / np.sqrt(pairs) + 6.0 / in_an_image)
     np.testing.assert_allclose(
         found.relative_sigma, np.sqrt(2 * np.maximum(1 - found.correlation, 0) * square)
     )

@@ -1,10 +1,15 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from adjust.geometry.earth import Ellipsoid, TopocentricFrame
 from adjust.observations.image_point import ImagePoints
 from adjust.residual_grid.choice import (
+    CheckCoordinates,
     GridCandidate,
+    GridOutcome,
     best_outcome,
     cells_of_cameras,
     try_candidates,
@@ -34,6 +39,23 @@ def test_cross_validation_finds_the_three_by_three_tiles_that_there_are() -> Non
     assert chosen is not None
     np.testing.assert_allclose(without, test.check_rms(test.result.state), rtol=1e-9)
     assert chosen[2] < 0.5 * without[2]
+
+
+def test_of_equal_gains_the_fewest_cells_are_the_best_and_an_unknown_gain_is_none() -> None:
+    gains = ((3, np.nan), (25, 0.3), (9, 0.3), (45, 0.2))
+    outcomes = [GridOutcome(GridCandidate(cells), 1, 1.0, gain, None) for cells, gain in gains]
+    assert best_outcome(outcomes) is outcomes[2]
+
+
+def test_differences_at_check_points_are_along_east_north_and_up_at_each() -> None:
+    test = high_block(NOTHING)
+    block = replace(test.block, frame=TopocentricFrame(Ellipsoid(6_378_137.0, 1.0 / 298.257), 0.8, 0.2))
+    x = test.result.state.object_point[test.check.point]
+    given = x - block.frame.local_from_enu(x) @ [1.0, -2.0, 30.0]
+    check = CheckCoordinates(test.check.point, np.asarray(given))
+    (without,) = try_candidates(block, test.result, (), check=check)
+    assert without.check_rms is not None
+    np.testing.assert_allclose(without.check_rms, [1.0, 2.0, 30.0], atol=1e-3)
 
 
 def test_sigma0_alone_would_always_ask_for_more_cells() -> None:

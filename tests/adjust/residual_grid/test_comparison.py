@@ -66,7 +66,10 @@ def test_correlation_is_that_of_the_means() -> None:
         *(x for grid in (one, other) for x in (grid.mean, grid.sigma * np.sqrt(grid.count), grid.count)),
         equal_var=False,
     )
-    assert found.statistic == pytest.approx(np.sum(stats.norm.isf(0.5 * student.pvalue) ** 2))
+    squares = stats.norm.isf(0.5 * student.pvalue) ** 2
+    assert found.statistic == pytest.approx(np.sum(squares))
+    assert found.probability == pytest.approx(stats.chi2.sf(found.statistic, 2 * found.cells))
+    assert found.differing == np.mean(stats.chi2.sf(squares.sum(axis=1), 2) < 0.05)
 
 
 def test_both_flights_together_are_as_good_as_all_their_image_points() -> None:
@@ -95,6 +98,26 @@ def test_a_grid_with_itself_has_the_same_means_and_a_smaller_sigma() -> None:
     both = combined_grid((one, one))
     np.testing.assert_allclose(both.mean, one.mean, rtol=1e-12)
     np.testing.assert_allclose(both.sigma, one.sigma / np.sqrt(2.0), rtol=1e-12)
+
+
+def test_the_probability_of_a_mean_of_grids_is_that_of_welch_also_where_one_coordinate_is_unknown() -> None:
+    one, other = _grid(1, 40, 4, factor=0.2), _grid(2, 16, 4, factor=0.2)
+    hidden = np.where(np.arange(16)[:, None] < [5, 0], np.nan, 1.0)
+    grids = [replace(grid, mean=grid.mean * hidden, sigma=grid.sigma * hidden) for grid in (one, other)]
+    both = combined_grid(grids)
+    scatter = [np.nanmean(grid.count * grid.sigma**2, axis=0) for grid in grids]
+    weight = np.array([grid.count / spread for grid, spread in zip(grids, scatter, strict=True)])
+    parts = np.array([grid.sigma**2 for grid in grids]) * (weight / weight.sum(axis=0)) ** 2
+    freedom = parts.sum(axis=0) ** 2 / sum(p**2 / (g.count - 1) for p, g in zip(parts, grids, strict=True))
+    np.testing.assert_allclose(both.sigma, np.sqrt(parts.sum(axis=0)), rtol=1e-12)
+    tail = stats.t.sf(np.abs(both.mean) / both.sigma, freedom)
+    known = np.isfinite(both.mean)
+    square = np.nansum(stats.norm.isf(tail) ** 2, axis=1)
+    # Where neither is known there is no probability.
+    expected = stats.chi2.sf(square, known.sum(axis=1))
+    there = known.any(axis=1)
+    assert {1, 2} <= set(known.sum(axis=1).tolist())
+    np.testing.assert_allclose(both.probability[there], expected[there], rtol=1e-9)
 
 
 @pytest.mark.parametrize("per_cell", [10, 25])

@@ -27,6 +27,12 @@ def test_cells_are_numbered_row_by_row_from_the_corner_of_least_x_and_y() -> Non
     np.testing.assert_array_equal(cells.place[[0, 4, 20]], [[0, 0], [4, 0], [0, 4]])
 
 
+def test_more_columns_than_rows_are_numbered_alike() -> None:
+    cells = FormatCells(Division.of(0.05, 5), Division.of(0.03, 3))
+    np.testing.assert_array_equal(cells.cell_of(cells.middles), np.arange(15))
+    np.testing.assert_array_equal(cells.place[[4, 5, 14]], [[4, 0], [0, 1], [4, 2]])
+
+
 def test_every_point_lies_between_the_edges_of_its_cell() -> None:
     cells = FormatCells.of(HALF, 7, Seams((-0.013, 0.02), (0.001,)))
     xy = np.clip(_places(), -np.array(HALF), HALF)

@@ -17,6 +17,7 @@ from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.format_cells import FormatCells
 from adjust.residual_grid.image_sets import GridRule
 from adjust.residual_grid.iteration import GridIteration, iterate_grid
+from adjust.residual_grid.residual_grid import residual_grid
 from adjust.residual_grid.smoothing import Smoothing
 from adjust.result import AdjustmentResult
 from adjust.solve.system import Observations
@@ -155,8 +156,38 @@ def test_the_iteration_ends_when_new_means_are_a_small_part_of_the_noise(tiles: 
     assert found.steps[-1].rms <= 0.1 * found.steps[0].noise < found.steps[-2].rms
 
 
+def test_means_that_chance_explains_are_not_corrected() -> None:
+    found = _iterated(high_block(NOTHING, seed=21), replace(PLAIN, most_iterations=1))
+    assert found.steps[0].rms < found.steps[0].noise
+    assert found.reason == "nothing_to_model"
+
+
+def _root_mean_square(values: Floats, weight: Floats | float = 1.0) -> float:
+    known = np.isfinite(values)
+    weight = np.broadcast_to(weight, values.shape)[known]
+    return float(np.sqrt(np.average(values[known] ** 2, weights=weight)))
+
+
 def test_no_iterations_change_nothing(tiles: CameraTest) -> None:
     found = _iterated(tiles, GridRule(most_iterations=0))
+    # What is judged is the mean residuals of all images, and of every second one.
+    before, rays = found.before[0], tiles.result.groups[0]
+    assert before is not None
+    assert found.steps[0].rms == pytest.approx(_root_mean_square(before.mean))
+    assert found.steps[0].noise == pytest.approx(_root_mean_square(before.sigma))
+    chosen, points = controlled(rays), tiles.observations.image_points
+    halves = [
+        residual_grid(cells(25), points.xy[own], rays.residual[own], chosen[own])
+        for own in (points.image % 2 == 0, points.image % 2 == 1)
+    ]
+    both = np.isfinite(halves[0].mean) & np.isfinite(halves[1].mean)
+    mean, count = (
+        np.concatenate([getattr(half, name)[both] for half in halves]) for name in ("mean", "count")
+    )
+    assert found.cross_validation[0].mean_rms == pytest.approx(_root_mean_square(mean, count))
+    assert found.cross_validation[0].rms == pytest.approx(
+        _root_mean_square((rays.residual / points.sigma)[chosen])
+    )
     assert found.taken == 0
     assert found.fields[0] is not None
     assert np.isnan(found.fields[0].value).all()

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from adjust.arrays import Floats
 from adjust.residual_grid.format_cells import FormatCells, Seams
@@ -46,6 +47,48 @@ def test_a_constant_field_stays(method: SmoothingMethod) -> None:
     found = smoothed(constant, Smoothing(method, 0.06))
     np.testing.assert_allclose(found[grid.known], np.tile([0.3, -0.7], (grid.known.sum(), 1)), rtol=1e-13)
     assert np.isnan(found[~grid.known]).all()
+
+
+def _uneven_grid() -> ResidualGrid:
+    """A format that is not square, with numbers of residuals of its own in x and in y."""
+    random = np.random.default_rng(4)
+    division = FormatCells.of((0.05, 0.02), 4)
+    count = random.integers(5, 40, (16, 2))
+    sigma = 0.8 / np.sqrt(count)
+    mean = np.sin(60.0 * division.middles) + sigma * random.normal(size=(16, 2))
+    return ResidualGrid(division, count, mean, sigma, np.zeros(16))
+
+
+@pytest.mark.parametrize("method", ["gaussian", "counts"])
+def test_means_are_weighted_by_their_distance_in_parts_of_the_sides(method: SmoothingMethod) -> None:
+    grid = _uneven_grid()
+    place = grid.cells.middles / [0.10, 0.04]
+    found = smoothed(grid, Smoothing(method, 0.2))
+    for cell in range(16):
+        weight = np.exp(-0.5 * (np.linalg.norm(place - place[cell], axis=1) / 0.2) ** 2)[:, None]
+        weight = weight * (grid.count if method == "counts" else [1.0, 1.0])
+        np.testing.assert_allclose(found[cell], np.average(grid.mean, axis=0, weights=weight), rtol=1e-12)
+
+
+def test_collocation_filters_with_the_length_that_predicts_means_best_from_the_others() -> None:
+    grid = _uneven_grid()
+    middles = grid.cells.middles
+    distance = np.linalg.norm(middles[:, None] - middles, axis=2) / 0.10
+    found = smoothed(grid, Smoothing("collocation"))
+    for k in (0, 1):
+        mean, noise = grid.mean[:, k], grid.sigma[:, k] ** 2
+        likelihoods, filtered = [], []
+        for length in np.geomspace(0.03, 1.0, 12):
+            signal = (np.mean(mean**2) - noise.mean()) * np.exp(-((distance / length) ** 2))
+            whole, likelihood = signal + np.diag(noise), 0.0
+            for i in range(16):
+                rest = np.arange(16) != i
+                gain = np.linalg.solve(whole[np.ix_(rest, rest)], whole[rest, i])
+                spread = np.sqrt(whole[i, i] - gain @ whole[rest, i])
+                likelihood += stats.norm.logpdf(mean[i], gain @ mean[rest], spread)
+            likelihoods.append(likelihood)
+            filtered.append(signal @ np.linalg.solve(whole, mean))
+        np.testing.assert_allclose(found[:, k], filtered[int(np.argmax(likelihoods))], rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize(("method", "per_cell"), diagonal_daily(METHODS, (25, 100)))

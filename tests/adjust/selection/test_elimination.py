@@ -66,6 +66,18 @@ def test_with_little_redundancy_fixed_limits_are_those_of_student() -> None:
     assert DMC_CERTIFICATE.limit(2) == pytest.approx(4.30, abs=0.01)
     assert BLUH.limit(10_000) == 1.0
     assert BLUH.limit(2) == pytest.approx(1.32, abs=0.01)
+    # Two-sided at 0.5 %.
+    assert DEFAULT.entry_limit(5) == pytest.approx(4.77, abs=0.01)
+    assert DEFAULT.entry_limit(None) == pytest.approx(2.81, abs=0.01)
+
+
+def test_with_a_known_sigma0_limits_are_those_of_the_normal_distribution() -> None:
+    estimate = observed_directly([0.5, 8.0], times=3)
+    found = eliminate(estimate, every(estimate), DEFAULT, sigma0=1.0)
+    assert [item.limit for item in found.decisions] == pytest.approx([2.576, 2.576], abs=1e-3)
+    # At 1 % with a redundancy of four, and of five without the first.
+    limits = [item.limit for item in eliminate(estimate, every(estimate), DEFAULT).decisions]
+    assert limits == pytest.approx([4.604, 4.032], abs=1e-3)
 
 
 def test_what_is_no_candidate_stays_however_insignificant() -> None:
@@ -99,6 +111,8 @@ def test_of_a_correlated_pair_the_one_with_the_smaller_t_goes() -> None:
     assert (first.name, first.criterion) == ("p1", Criterion.CORRELATION)
     assert first.reason.startswith("correlated 94 % with p0, whose |t| =")
     assert found.kept.tolist() == [True, False, True]
+    # 88 % are less than the 90 % of the rule.
+    assert eliminate(correlated_pair(40.0, 30.0, 28.0), every(estimate), DEFAULT).kept.all()
 
 
 def test_a_parameter_comes_back_once_and_is_then_judged_like_the_others() -> None:

@@ -39,6 +39,7 @@ def test_one_parameter_observed_twice_by_hand() -> None:
     assert estimate.change[0] == pytest.approx(2.0)
     assert estimate.cofactor[0, 0] == pytest.approx(0.5)
     assert (estimate.weighted_squares, estimate.redundancy) == (pytest.approx(2.0), 1)
+    assert replace(estimate, redundancy=0).sigma0 == 1.0
     held = estimate.without(0)
     assert (held.weighted_squares, held.redundancy) == (pytest.approx(10.0), 2)
     assert held.change[0] == held.cofactor[0, 0] == 0.0
@@ -220,6 +221,11 @@ def test_the_normals_at_a_state_with_parameters_held_say_what_freeing_them_gives
     estimate = LinearEstimate.of(normals_at(system, without.state))
     assert estimate.free.all()
     assert_is(estimate, result, result)
+    # At a state where no parameter has its given value, nor the one that fits.
+    layout, sigma = result.layout, np.sqrt(np.diagonal(result.cofactor.reduced.corner))
+    nothing = np.zeros((layout.events, 6)), np.zeros((layout.points, 3))
+    elsewhere = layout.update(result.state, nothing[0], 2.0 * sigma, nothing[1])
+    assert_is(LinearEstimate.of(normals_at(system, elsewhere)), result, result)
 
 
 def test_the_normal_matrix_of_the_parameters_is_the_inverse_of_their_cofactors(

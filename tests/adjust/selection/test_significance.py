@@ -59,6 +59,17 @@ def test_with_a_known_sigma0_the_tests_are_normal_and_chi_square() -> None:
     assert group.critical == pytest.approx(stats.chi2.ppf(0.99, 2) / 2)
 
 
+def test_correlated_sets_are_compared_with_the_covariance_of_their_differences() -> None:
+    estimate = LinearEstimate.of(random_design(2, priors=False).normals)
+    first, second = np.array([0, 1, 2]), np.array([4, 5, 6])
+    contrast = np.eye(8)[first] - np.eye(8)[second]
+    covariance = estimate.sigma0**2 * contrast @ estimate.cofactor @ contrast.T
+    difference = contrast @ estimate.change
+    found = difference_test(estimate, first, second, 0.05)
+    np.testing.assert_allclose(found.sigma, np.sqrt(np.diagonal(covariance)))
+    assert found.joint.statistic == pytest.approx(difference @ np.linalg.solve(covariance, difference) / 3)
+
+
 @given(st.integers(0, 10_000), st.sets(st.integers(0, 7), min_size=1))
 def test_the_f_of_a_group_is_the_rise_of_the_squares_without_it(seed: int, chosen: set[int]) -> None:
     design = random_design(seed, priors=False)

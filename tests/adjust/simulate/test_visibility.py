@@ -39,7 +39,9 @@ def test_exactly_the_points_inside_the_formats_are_seen() -> None:
         np.tile([0.08, 1e-3, -2e-3], (n, 1)),
         np.tile([0.027, 0.036], (n, 1)),
     )
-    points = np.column_stack([random.uniform(-1500, 1500, (600, 2)), random.uniform(-100, 150, 600)])
+    height = np.append(random.uniform(-100, 150, 600), random.uniform(1200, 2300, 200))
+    # The last ones are above the cameras, behind their images.
+    points = np.column_stack([random.uniform(-1500, 1500, (800, 2)), height])
     image, point = visible_rays(images, points)
     expected = _every_ray(images, points)
     assert len(expected) > 300

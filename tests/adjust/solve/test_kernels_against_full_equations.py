@@ -11,6 +11,7 @@ from adjust.adjustment import adjust_block
 from adjust.arrays import Floats
 from adjust.parameters import BORESIGHT, State
 from adjust.quality.cofactor import Cofactor, cofactor
+from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.quality.redundancy import group_residuals
 from adjust.result import ObservationStatus
 from adjust.solve.design_matrix import (
@@ -101,6 +102,20 @@ def test_diagonal_before_reduction_is_that_of_the_full_normal_equations(both: Bo
     assert_equal_on_scale(found, expected, expected)
 
 
+# Joined points have unknowns that the full equations lack.
+@pytest.mark.parametrize("name", [name for name, scene in VARIANTS.items() if not scene.plan.distances])
+def test_damping_adds_its_part_of_the_diagonal_before_points_are_eliminated(name: str) -> None:
+    both = BothWays.of(VARIANTS[name])
+    normal, _ = full_normals(both.design)
+    normal = normal + 0.3 * np.diag(np.diagonal(normal))
+    kept = both.exposures + both.system.layout.border
+    gain = np.linalg.solve(normal[kept:, kept:], normal[kept:, :kept])
+    expected = normal[:kept, :kept] - normal[:kept, kept:] @ gain
+    found = dense_matrix(reduced_normals(both.system, both.state, 0.3))
+    root = np.sqrt(np.diagonal(expected))
+    assert_equal_on_scale(found, expected, np.outer(root, root))
+
+
 def test_solution_and_decrement_agree(both: BothWays) -> None:
     cofactors = full_cofactor(both.design)
     expected = full_solution(both.design, cofactors)
@@ -168,6 +183,27 @@ def test_redundancy_numbers_are_the_diagonal_of_the_full_redundancy_matrix(both:
     found = group_residuals(both.system, both.state, both.kernel_cofactor())
     for ours, theirs in zip(found, expected, strict=True):
         np.testing.assert_allclose(ours.redundancy, theirs, rtol=0.0, atol=RELATIVE)
+
+
+def test_hat_matrices_of_image_points_are_blocks_of_the_full_one(both: BothWays) -> None:
+    rows = both.design.matrix.toarray()[: both.design.row_start[1]]
+    pairs = rows.reshape(-1, 2, rows.shape[1])
+    expected = pairs @ full_cofactor(both.design) @ np.swapaxes(pairs, 1, 2)
+    used = both.system.observations.image_points.active
+    found = both.kernel_cofactor().hat_of_rays[used]
+    np.testing.assert_allclose(found, expected[used][:, [0, 0, 1], [0, 1, 1]], rtol=0.0, atol=RELATIVE)
+
+
+def test_the_smallest_error_that_is_found_is_that_of_its_own_coordinate() -> None:
+    scene = VARIANTS["nothing_free"]
+    rays = scene.observations.image_points
+    rays = replace(rays, sigma=rays.sigma * [1.0, 1.7])
+    both = BothWays.of(replace(scene, observations=replace(scene.observations, image_points=rays)))
+    found = group_residuals(both.system, both.state, both.kernel_cofactor())[0]
+    kept = found.redundancy > UNCONTROLLED
+    assert kept.any(axis=0).all()
+    expected = NON_CENTRALITY * rays.sigma / np.sqrt(found.redundancy)
+    np.testing.assert_allclose(found.detectable[kept], expected[kept], rtol=1e-9)
 
 
 def test_redundancy_numbers_sum_up_to_observations_less_unknowns(both: BothWays) -> None:

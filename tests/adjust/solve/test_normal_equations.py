@@ -63,6 +63,19 @@ def test_two_rays_from_one_place_do_not_determine_a_point() -> None:
     assert caught.value.parameters[0].startswith("object point point_")
 
 
+def test_rejected_rays_may_belong_to_a_camera_that_looks_away() -> None:
+    scene = two_strips(noise_seed=1)
+    rays, turned = scene.observations.image_points, scene.block.local_from_camera.copy()
+    turned[3] = turned[3] @ np.diag([1.0, -1.0, -1.0])
+    away = replace(scene.block, local_from_camera=turned)
+    left = replace(scene.observations, image_points=rays.without(rays.image == 3))
+    found, expected = (
+        reduced_normals(System.of(block, left), block.approximate_state()) for block in (away, scene.block)
+    )
+    others = np.arange(10) != 3
+    np.testing.assert_array_equal(found.rhs_exposure[others], expected.rhs_exposure[others])
+
+
 @dataclass(frozen=True, eq=False)
 class Connecting:
     """An observation type that would connect object points with system parameters."""

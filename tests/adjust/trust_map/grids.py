@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.geometry import rotation
 from adjust.trust_map.cells import GroundCells
 
 
@@ -17,3 +20,10 @@ def cells_over(points: Floats, columns: int, rows: int) -> GroundCells:
     index = np.arange(count)
     neighbour = np.where(index % columns < columns - 1, index + 1, -1)
     return GroundCells(place, np.broadcast_to(np.eye(3), (count, 3, 3)).copy(), neighbour)
+
+
+def turned(cells: GroundCells) -> GroundCells:
+    """The same cells, each with axes of its own."""
+    count = len(cells.x_in_local)
+    vectors = 0.3 * np.sin(np.arange(3 * count)).reshape(count, 3)
+    return replace(cells, local_from_axes=np.ascontiguousarray(rotation.exp(vectors)))

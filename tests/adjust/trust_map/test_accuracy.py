@@ -35,7 +35,7 @@ from adjust.trust_map.accuracy import (
 )
 from adjust.trust_map.cells import GroundCells, Sight, sight_of
 from tests.adjust.scenes import Scene, two_strips
-from tests.adjust.trust_map.grids import cells_over
+from tests.adjust.trust_map.grids import cells_over, turned
 
 MEASURED = NewMeasurement(3e-6, 1.3)
 FREE = {
@@ -61,7 +61,7 @@ class Mapped:
     def of(cls, scene: Scene) -> Mapped:
         options = AdjustmentOptions()
         result = adjust_block(scene.block, scene.observations, options)
-        cells = cells_over(scene.truth.object_point, 9, 7)
+        cells = turned(cells_over(scene.truth.object_point, 9, 7))
         sight = sight_of(scene.block, result.state, cells)
         solution = joint_solution(result, sight)
         accuracy = cell_accuracy(solution, cells, sight, MEASURED, result.cofactor.considered)
@@ -103,6 +103,7 @@ class Dense:
                 for component, column in enumerate(block.layout.columns[term.block][entity]):
                     if column >= 0:
                         of_rest[k][:, 6 * n + column] += jacobian[:, component] / MEASURED.sigma
+        of_point = of_point @ mapped.cells.local_from_axes[cell]
         return of_point.reshape(-1, 3), of_rest.reshape(-1, len(self.covariance))
 
     def covariance_of(self, cell: int, images: Ints) -> Floats:
@@ -202,7 +203,11 @@ def test_pairs_without_a_common_object_point_are_not_taken_as_uncorrelated() -> 
     apart = replace(scene, observations=Observations(kept, scene.observations.others))
     dense = Dense.of(Mapped.of(apart))
     mapped = dense.mapped
-    assert mapped.solution.added_pairs > 0
+    seeing = {pair for cell in seen(mapped) for pair in combinations(images_of(mapped, cell).tolist(), 2)}
+    tied = {
+        pair for point in np.unique(kept.point) for pair in combinations(kept.image[kept.point == point], 2)
+    }
+    assert mapped.solution.added_pairs == len(seeing - {tuple(sorted(map(int, pair))) for pair in tied}) > 0
     for cell in seen(mapped, 4):
         expected = sigmas(dense.covariance_of(cell, images_of(mapped, cell)))
         np.testing.assert_allclose(mapped.accuracy.sigma[cell], expected, rtol=1e-6)
@@ -221,26 +226,61 @@ def test_without_covariances_between_images_sigmas_would_be_wrong_by_half() -> N
     assert ratio.max() > 2.0
 
 
-def test_considered_parameters_widen_every_sigma_and_no_relative_one_much() -> None:
+def test_considered_parameters_add_their_errors_to_every_figure() -> None:
     scene = two_strips(noise_seed=3)
-    place = ParameterPlace(INTERIOR_ORIENTATION, 0, 0)
-    plain = Mapped.of(scene)
-    block = replace(scene.block, considered=ConsideredParameters((place,), np.array([[(40e-6) ** 2]])))
-    considered = Mapped.of(replace(scene, block=block))
-    cells = seen(plain)
-    added = considered.accuracy.sigma[cells] ** 2 - plain.accuracy.sigma[cells] ** 2
-    # What the focal length adds is what the adjusted block and the new point answer to it, on paper:
-    errors = considered.result.cofactor.considered
+    places = tuple(ParameterPlace(INTERIOR_ORIENTATION, 0, component) for component in (0, 1))
+    covariance = np.array([[40.0**2, 300.0], [300.0, 25.0**2]]) * 1e-12
+    known = ConsideredParameters(places, covariance)
+    mapped = Mapped.of(replace(scene, block=replace(scene.block, considered=known)))
+    dense, errors = Dense.of(mapped), mapped.result.cofactor.considered
     assert errors is not None
-    for cell, found in zip(cells[::4], added[::4], strict=True):
-        images = images_of(considered, cell)
-        of_point, of_rest = Dense.of(considered).derivatives(cell, images)
-        state = replace(considered.result.state, object_point=considered.cells.x_in_local[[cell]])
+
+    def rays_of(cell: int, images: Ints) -> tuple[Floats, Floats, Floats]:
+        """Derivatives by the point, and what orientations and considered parameters do to the rays."""
+        of_point, of_rest = dense.derivatives(cell, images)
+        state = replace(mapped.result.state, object_point=mapped.cells.x_in_local[[cell]])
         rays = new_rays(
             scene.observations.image_points, state, images, np.zeros(len(images), dtype=np.int64), 1.0
         )
         direct = next(t for t in rays.linearize(state).terms if t.block == INTERIOR_ORIENTATION)
-        of_known = of_rest @ errors.of_unknowns.of_exposures.reshape(-1, 1)
-        of_known = of_known[:, 0] + direct.jacobian[:, :, 0].ravel() / MEASURED.sigma * 40e-6
-        moved = np.linalg.solve(of_point.T @ of_point, of_point.T @ of_known)
-        np.testing.assert_allclose(found, moved**2, rtol=1e-5, atol=1e-12)
+        of_known = of_rest @ errors.of_unknowns.of_exposures.reshape(-1, 2)
+        of_known += direct.jacobian[:, :, :2].reshape(-1, 2) / MEASURED.sigma @ known.root
+        return of_point, of_rest, of_known
+
+    def gain_of(of_point: Floats) -> Floats:
+        return np.asarray(np.linalg.solve(of_point.T @ of_point, of_point.T))
+
+    def covariance_of(cell: int, images: Ints) -> Floats:
+        of_point, of_rest, of_known = rays_of(cell, images)
+        of_rays = np.eye(len(of_point)) + of_rest @ dense.covariance @ of_rest.T + of_known @ of_known.T
+        gain = gain_of(of_point)
+        return np.asarray(gain @ of_rays @ gain.T)
+
+    for cell in seen(mapped, 3)[::4]:
+        images = images_of(mapped, cell)
+        np.testing.assert_allclose(
+            mapped.accuracy.sigma[cell], sigmas(covariance_of(cell, images)), rtol=1e-6
+        )
+        pairs = [sigmas(covariance_of(cell, np.array(pair))) for pair in combinations(images, 2)]
+        best = pairs[int(np.argmin([pair[2] for pair in pairs]))]
+        np.testing.assert_allclose(mapped.accuracy.sigma_of_pair[cell], best, rtol=1e-6)
+        of_point, of_rest, of_known = rays_of(cell, images)
+        gain = gain_of(of_point)
+        residual = np.eye(len(of_point)) - of_point @ gain
+        of_rays = np.eye(len(of_point)) + of_rest @ dense.covariance @ of_rest.T + of_known @ of_known.T
+        control = np.diagonal(residual)
+        kept = control >= UNCONTROLLED
+        error = NON_CENTRALITY * sigmas(residual @ of_rays @ residual.T)[kept] / control[kept]
+        expected = np.max(np.abs(gain[:, kept]) * error, axis=1)
+        np.testing.assert_allclose(mapped.accuracy.external[cell], expected, rtol=1e-6)
+    differing = []
+    for cell in np.flatnonzero(np.isfinite(mapped.accuracy.sigma_relative[:, 0])):
+        other = mapped.cells.neighbour[cell]
+        common = np.intersect1d(images_of(mapped, cell), images_of(mapped, other))
+        own, next_to = rays_of(cell, common), rays_of(other, common)
+        one, two = gain_of(own[0]), gain_of(next_to[0])
+        of_rest, of_known = one @ own[1] - two @ next_to[1], one @ own[2] - two @ next_to[2]
+        total = one @ one.T + two @ two.T + of_rest @ dense.covariance @ of_rest.T + of_known @ of_known.T
+        np.testing.assert_allclose(mapped.accuracy.sigma_relative[cell], sigmas(total), rtol=1e-6)
+        differing.append(len(common) < max(len(images_of(mapped, place)) for place in (cell, other)))
+    assert {True, False} <= set(differing)

@@ -19,9 +19,8 @@ from adjust.solve.system import Observations
 from adjust.trust_map.accuracy import joint_solution, new_rays
 from adjust.trust_map.block_errors import block_errors
 from adjust.trust_map.cells import GroundCells, Sight, sight_of
-from adjust.trust_map.ray_errors import images_around
 from tests.adjust.scenes import Scene, two_strips
-from tests.adjust.trust_map.grids import cells_over
+from tests.adjust.trust_map.grids import cells_over, turned
 
 
 def with_error(group: ObservationGroup, error: Floats) -> ObservationGroup:
@@ -61,7 +60,8 @@ def effects_of(
     effect = np.zeros((len(chosen), 3))
     for k, cell in enumerate(chosen):
         place, image = cells.x_in_local[cell], sight.image[sight.start[cell] : sight.start[cell + 1]]
-        effect[k] = point_of(scene.observations.image_points, result.state, state, place, image) - place
+        moved = point_of(scene.observations.image_points, result.state, state, place, image) - place
+        effect[k] = moved @ cells.local_from_axes[cell]
     return effect
 
 
@@ -76,7 +76,7 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
         gnss_correlation_s=correlated,
     )
     result = adjust_block(scene.block, scene.observations)
-    cells = cells_over(scene.truth.object_point, 5, 5)
+    cells = turned(cells_over(scene.truth.object_point, 5, 5))
     sight = sight_of(scene.block, result.state, cells)
     solution = joint_solution(result, sight)
     chosen = np.flatnonzero(sight.rays >= 3)[::3]
@@ -105,17 +105,22 @@ def test_the_largest_effect_of_an_image_point_is_that_of_an_adjustment_with_the_
         free={INTERIOR_ORIENTATION: [[True, False, False]]},
         control=("full", "full", "full"),
         ins=False,
+        distances=4,
     )
     result = adjust_block(scene.block, scene.observations)
-    cells = cells_over(scene.truth.object_point, 5, 5)
+    cells = turned(cells_over(scene.truth.object_point, 5, 5))
     sight = sight_of(scene.block, result.state, cells)
     solution = joint_solution(result, sight)
-    chosen = np.flatnonzero(sight.rays == sight.rays.max())[:2]
+    chosen = np.flatnonzero(sight.rays == sight.rays.max())[:3]
     found = block_errors(solution, result, cells, sight, chosen)
 
     rays, tested = scene.observations.image_points, result.groups[0]
-    around = images_around(sight.only(chosen), solution.system.pattern)
-    of_cell = [np.isin(rays.image, around.only(np.array([k])).image) for k in range(len(chosen))]
+    # The image points of all images that have an object point in common with one that sees the cell.
+    of_cell = []
+    for cell in chosen:
+        seeing = np.isin(rays.image, sight.image[sight.start[cell] : sight.start[cell + 1]])
+        beside = rays.image[np.isin(rays.point, rays.point[seeing])]
+        of_cell.append(np.isin(rays.image, beside))
     expected = np.zeros_like(found.of_rays)
     counted = (tested.status == ObservationStatus.USED) & np.any(of_cell, axis=0)[:, None]
     for i, component in np.argwhere(counted):

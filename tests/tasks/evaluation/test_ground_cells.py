@@ -41,6 +41,10 @@ def test_chosen_cells_are_spread_and_not_too_many(most: int) -> None:
     assert most < 10 or np.ptp(chosen // 60) > 10
 
 
+def test_of_a_square_the_cell_in_its_middle_is_chosen() -> None:
+    assert cells(9, 9).spread(1).tolist() == [4 * 9 + 4]
+
+
 @pytest.mark.parametrize("shape", ["along", "across", "diagonal"])
 def test_chosen_cells_follow_a_corridor(shape: str) -> None:
     rows, columns = {"along": (2, 2000), "across": (2000, 2), "diagonal": (2000, 2001)}[shape]
@@ -75,3 +79,9 @@ def test_a_point_is_inside_a_polygon_with_a_bay() -> None:
     np.testing.assert_array_equal(inside(corners, points), expected)
     # The other way round, and beginning elsewhere, it is the same polygon.
     np.testing.assert_array_equal(inside(np.roll(corners[::-1], 3, axis=0), points), expected)
+
+
+def test_a_slanting_side_divides_points_left_and_right_of_it() -> None:
+    triangle = np.array([[100.0, 20.0], [104.0, 20.0], [100.0, 22.0]])
+    points = np.array([[101.0, 21.4], [101.0, 21.6], [103.0, 20.4], [103.0, 20.6]])
+    np.testing.assert_array_equal(inside(triangle, points), [True, False, True, False])

@@ -19,7 +19,9 @@ from adjust.geometry.earth import CartesianFrame
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.formats.colmap import read_colmap_cameras, read_colmap_exposures
 from tasks.handover.block_points import no_points
+from tasks.handover.delivery import Delivery
 from tasks.handover.formats.register import REGISTER
+from tasks.handover.receiver import hand_over
 from tests.tasks.handover.flown_block import GROUND, LOCAL, NAMES, Flight, delivered, flown
 from tests.tasks.handover.test_ground_through_files import seen as seen_by
 
@@ -59,6 +61,83 @@ def test_colmap_projects_the_points_where_they_were_measured(case, tmp_path):
         assert np.abs(ours - theirs).max() < 1e-6
     found.update_point_3d_errors()
     assert max(abs(point.error - stated[number]) for number, point in found.points3D.items()) < 1e-4
+
+
+def test_errors_of_colmap_are_the_lengths_of_residuals_in_pixels():
+    results, points = flown(Flight())
+    xy = points.xy.copy()
+    # Three pixels to the right and four up.
+    xy[7] += np.array([3.0, 4.0]) * 4e-6
+    written = REGISTER["colmap"].write(delivered(results, replace(points, xy=xy), "colmap"))
+    lines = [line.split() for line in written["points3D.txt"].splitlines() if not line.startswith("#")]
+    errors = np.array([float(cells[7]) for cells in lines])
+    assert errors[7] == pytest.approx(5.0, abs=1e-3)
+    assert np.delete(errors, 7).max() < 1e-3
+
+
+def test_images_of_colmap_name_their_cameras_by_the_numbers_in_the_list():
+    results, points = flown(Flight())
+    written = REGISTER["colmap"].write(delivered(results, points, "colmap"))
+    cameras = [line.split() for line in written["cameras.txt"].splitlines() if not line.startswith("#")]
+    assert [cells[0] for cells in cameras] == ["1", "2"]
+    # Every image has a second line, that of its points.
+    images = [line for line in written["images.txt"].splitlines() if not line.startswith("#")][::2]
+    assert [line.split(" ")[8] for line in images] == ["1", "2", "1", "2"]
+
+
+@pytest.mark.parametrize(
+    ("world", "refracted", "curvature", "refraction"),
+    [
+        ("map", False, "off", "off"),
+        ("map", True, "off", "on"),
+        ("map-cartesian", True, "off", "off"),
+        ("map-cartesian-curved", True, "on", "off"),
+    ],
+)
+def test_inpho_is_told_what_it_has_to_correct_and_the_height_of_the_ground(
+    world, refracted, curvature, refraction
+):
+    results, _ = flown(Flight(refracted=refracted))
+    results = replace(results, ground=results.ground + np.arange(4.0)[:, None])
+    handed = hand_over(results, world, REGISTER["inpho"].freed)
+    text = REGISTER["inpho"].write(Delivery(results, handed))["inpho.prj"]
+    assert f"$CURV_CORR_DEFAULT : {curvature}\n" in text
+    assert f"$REFRACT_CORR_DEFAULT : {refraction}\n" in text
+    heights = [line.split()[-1] for line in text.splitlines() if "$TERRAIN_HEIGHT" in line]
+    assert heights == ["400.000", "401.000", "402.000", "403.000"]
+
+
+def test_photos_of_patb_have_their_focal_length_in_micrometres():
+    results, points = flown(Flight())
+    written = REGISTER["patb"].write(delivered(results, points, "patb"))["patb.im"]
+    heads = [line.split() for line in written.splitlines() if len(line.split()) == 2]
+    assert heads == [[str(k), "79800.000"] for k in range(1, 5)]
+
+
+def test_openmvg_has_control_apart_and_check_points_in_its_structure():
+    results, points = flown(Flight())
+    written = REGISTER["openmvg"].write(delivered(results, points, "openmvg"))
+    found = json.loads(written["sfm_data.json"])
+    check = points.names.index("P80")
+    assert [item["key"] for item in found["control_points"]] == [points.names.index("P 3")]
+    (seen,) = (item["value"]["X"] for item in found["structure"] if item["key"] == check)
+    np.testing.assert_allclose(seen, points.local[check])
+
+
+def test_plan_of_blocks_exchange_is_as_accurate_as_its_worse_coordinate():
+    results, points = flown(Flight())
+    sigma = np.tile([0.02, 0.03, 0.05], (3, 1))
+    points = replace(points, surveyed=replace(points.surveyed, sigma=sigma))
+    written = REGISTER["blocks-exchange"].write(delivered(results, points, "blocks-exchange"))["block.xml"]
+    accuracy = [line.strip() for line in written.splitlines() if "Accuracy>" in line]
+    assert (
+        accuracy
+        == [
+            "<HorizontalAccuracy>0.03</HorizontalAccuracy>",
+            "<VerticalAccuracy>0.05</VerticalAccuracy>",
+        ]
+        * 2
+    )
 
 
 def test_pyopf_reads_the_project(tmp_path):

@@ -16,7 +16,7 @@ from tasks.calibration.record import (
 from tasks.registry.approval import approval_of
 from tasks.registry.calibration_file import SealedRecord
 from tasks.registry.contents import StoredCalibration
-from tasks.registry.history import Validity
+from tasks.registry.history import BEGINNING, Event, Validity
 from tasks.registry.registry import Registry, Signature
 from tasks.settings.cameras import CameraIdentity
 
@@ -93,6 +93,18 @@ def parameter(name: str, unit: str, value: float, sigma: float | None, entity: s
         status="fixed" if sigma is None else "significant",
         verdict="held" if sigma is None else "determined",
     )
+
+
+def stored(
+    number: int, calibration: CalibrationRecord, *, approved: bool = True, although: str = ""
+) -> StoredCalibration:
+    """A calibration of a registry, without the registry."""
+    sealed = SealedRecord.of(calibration)
+    events = [Event(1, number, sealed.digest, "draft", None, None, None, "ann", "2026-01-01", "", "", "")]
+    if approved:
+        values = ("2020-06-01", None, None, "ben", "2026-01-02", "", although, BEGINNING)
+        events.append(Event(2, number, sealed.digest, "approved", *values))
+    return StoredCalibration(number, number, sealed, tuple(events))
 
 
 def changed(number: int) -> Floats:

@@ -98,13 +98,32 @@ def with_values(template: CalibrationRecord, values: np.ndarray) -> CalibrationR
     return template.model_copy(update={"parameters": (*items, *template.parameters[5:])})
 
 
-def test_a_changed_camera_is_found_and_named() -> None:
-    changed = VALUES + np.array([0.0085, 0.0, 0.0, 0.0, 0.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_changed_camera_is_found_and_named(sign: float) -> None:
+    changed = VALUES + np.array([sign * 0.0085, 0.0, 0.0, 0.0, 0.0])
     found = compatibility(record(changed), record())
     assert not found.agrees
     assert [change.parameter for change in found.changes if change.outstanding] == ["focal_length"]
     assert found.sentences[0].startswith("All 5 common parameters together do not agree: χ² = ")
-    assert found.sentences[1] == "Focal length changed by +8.5 µm, 5.0 σ."
+    assert found.sentences[1] == f"Focal length changed by {'+' if sign > 0.0 else '−'}8.5 µm, 5.0 σ."
+
+
+@pytest.mark.parametrize(
+    ("probability", "agrees", "said"),
+    [
+        (0.25, True, "in 25 % of all cases"),
+        (0.0102, True, "in 1 % of all cases"),
+        (0.0098, False, "in 0.98 % of all cases"),
+        (5e-5, False, "in less than 0.01 % of all cases"),
+    ],
+)
+def test_a_change_that_chance_makes_once_in_a_hundred_is_none_of_chance(
+    probability: float, agrees: bool, said: str
+) -> None:
+    change = np.sqrt(2.0) * 0.001 * stats.norm.isf(probability / 2.0)
+    found = compatibility(only("focal_length", 80.0 + change, 0.001), only("focal_length", 80.0, 0.001))
+    assert found.agrees is agrees
+    assert said in found.sentences[0]
 
 
 def test_the_limit_of_a_single_parameter_grows_with_their_number() -> None:

@@ -10,28 +10,14 @@ from scipy import stats
 
 from adjust.arrays import Floats
 from tasks.calibration.record import CalibrationRecord
-from tasks.registry.calibration_file import SealedRecord
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.drift import DRIFT_PROBABILITY, Drift, DriftLimits, by_day, drifts_of
-from tasks.registry.history import BEGINNING, Event
 from tasks.settings.cameras import CameraIdentity
-from tests.tasks.registry.records import NAMES, SIGMAS, VALUES, covariance, parameter, record
+from tests.tasks.registry.records import NAMES, SIGMAS, VALUES, covariance, parameter, record, stored
 
 FIRST_DAY = date(2020, 5, 1)
 NO_LIMITS = DriftLimits()
 OTHER_MOUNTING = CameraIdentity(body="UC-E-1", imu="I-8")
-
-
-def stored(
-    number: int, calibration: CalibrationRecord, *, approved: bool = True, although: str = ""
-) -> StoredCalibration:
-    """A calibration of a registry, without the registry."""
-    sealed = SealedRecord.of(calibration)
-    events = [Event(1, number, sealed.digest, "draft", None, None, None, "ann", "2026-01-01", "", "", "")]
-    if approved:
-        values = ("2020-06-01", None, None, "ben", "2026-01-02", "", although, BEGINNING)
-        events.append(Event(2, number, sealed.digest, "approved", *values))
-    return StoredCalibration(number, number, sealed, tuple(events))
 
 
 def flown(year: int, values: Floats = VALUES, **changes: object) -> CalibrationRecord:
@@ -172,6 +158,9 @@ def test_another_computation_of_the_same_flight_does_not_silence_its_drift() -> 
     # Two flights of one day are two flights.
     other = stored(4, flown(1, identity=OTHER_MOUNTING, inputs={"points.txt": "b" * 64}))
     assert [(one.old.id, one.has_drifted) for one in drift(flight, other)] == [(2, True)]
+    # So are flights of two days with a file in common, such as the control points.
+    later = stored(5, flown(2, identity=OTHER_MOUNTING, inputs=files))
+    assert [(one.old.id, one.has_drifted) for one in drift(flight, later)] == [(2, True)]
 
 
 def test_a_change_that_was_explained_at_the_approval_is_no_drift_any_more() -> None:

@@ -10,11 +10,12 @@ from sqlalchemy import text
 
 from tasks.errors import InputError
 from tasks.files.json_text import json_text
+from tasks.registry.contents import Contents
 from tasks.registry.due import CameraDue, DueLimits, due_of
 from tasks.registry.registry import Registry
 from tasks.registry.watch import as_json, watch_of
 from tasks.settings.cameras import CameraIdentity
-from tests.tasks.registry.records import SIGMAS, VALUES, add, approve, changed, parameter, record
+from tests.tasks.registry.records import SIGMAS, VALUES, add, approve, changed, parameter, record, stored
 
 SPRING, SUMMER, AUTUMN = date(2024, 3, 1), date(2024, 6, 1), date(2024, 9, 1)
 FLOWN = date(2024, 5, 2)  # of every record, unless it says otherwise
@@ -50,6 +51,9 @@ def test_an_age_counts_from_the_flight_and_the_last_day_still_serves(registry: R
     assert kinds(registry, last - timedelta(days=30), max_age_days=365) == ["expires"]
     assert kinds(registry, last, max_age_days=365) == ["expires"]
     assert kinds(registry, last + timedelta(days=1), max_age_days=365) == ["too_old"]
+    # Two years, unless something else is asked for.
+    assert kinds(registry, FLOWN + timedelta(days=730)) == ["expires"]
+    assert kinds(registry, FLOWN + timedelta(days=731)) == ["too_old"]
     (one,) = due(registry, last + timedelta(days=1), max_age_days=365)
     (sentence,) = one.sentences
     assert sentence == (
@@ -65,6 +69,11 @@ def test_without_a_date_of_the_flight_the_age_counts_from_the_approval(registry:
     approved = date.fromisoformat(approval.at[:10])
     (one,) = due(registry, approved + timedelta(days=100), max_age_days=365)
     assert (one.age_days, one.ends) == (100, approved + timedelta(days=365))
+    # Added the day before.
+    known = stored(1, record(flown=None))
+    assert [event.at for event in known.events] == ["2026-01-01", "2026-01-02"]
+    (one,) = due_of(Contents((known,), (), known.events), date(2026, 1, 12), DueLimits())
+    assert one.age_days == 10
 
 
 def test_an_end_of_the_validity_is_announced_and_then_said(registry: Registry) -> None:
@@ -79,6 +88,9 @@ def test_an_end_of_the_validity_is_announced_and_then_said(registry: Registry) -
     assert one.reasons[0].sentence == "The last approved calibration ended on 2024-09-01."
     (one,) = due(registry, AUTUMN)
     assert one.reasons[0].sentence == "The approved calibration is valid until 2024-09-01, today."
+    # What is in force does not wait.
+    (one,) = due(registry, SPRING, within_days=184)
+    assert one.reasons[0].sentence == "The approved calibration is valid until 2024-09-01, in 184 days."
 
 
 def test_what_follows_without_a_gap_is_counted(registry: Registry) -> None:
@@ -88,6 +100,7 @@ def test_what_follows_without_a_gap_is_counted(registry: Registry) -> None:
     approve(registry, 2, SUMMER + timedelta(days=1), AUTUMN)
     assert due(registry, SUMMER)[0].ends == AUTUMN
     assert kinds(registry, SUMMER) == []
+    assert "ended on 2024-09-01" in due(registry, AUTUMN + timedelta(days=1))[0].reasons[0].sentence
     approve(registry, 3, AUTUMN + timedelta(days=2))
     # A day without a calibration.
     assert due(registry, SUMMER)[0].ends == AUTUMN

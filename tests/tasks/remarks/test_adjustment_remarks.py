@@ -9,12 +9,13 @@ from tasks.remarks.adjustment import (
     free_network_sentences,
     global_test_sentences,
     group_sentences,
+    registered_calibration_sentences,
     rejection_sentences,
     self_calibration_sentences,
     shared_moment_sentences,
     trust_map_sentences,
 )
-from tasks.remarks.independent_checks import check_point_sentences
+from tasks.remarks.independent_checks import check_point_sentences, distance_sentences
 from tasks.remarks.observation_sigmas import correlation_time_sentences, variance_sentences
 from tasks.remarks.residual_grid import residual_grid_sentences
 from tasks.results.figures import (
@@ -27,6 +28,7 @@ from tasks.results.figures import (
     GridIterationFigure,
     GridStepFigure,
     GroupFigure,
+    RegisteredCalibrationFigure,
     ResidualGridFigure,
     SelfCalibrationFigures,
     SharedMoments,
@@ -74,6 +76,55 @@ def test_a_number_beyond_its_limit_does_not_look_like_it() -> None:
     assert "mean east -0.02504 m, expected within ±0.02500 m" in sentence
 
 
+def test_differences_smaller_than_expected_are_named_too() -> None:
+    high = (0.04, 0.04, 0.04)
+    test = CheckPointTest(
+        points=(8, 8, 8),
+        rmse_m=(0.0089, 0.02, 0.02),
+        predicted_rmse_m=high,
+        predicted_low_m=(0.009, 0.009, 0.009),
+        predicted_high_m=high,
+        ratio=(0.2, 0.5, 0.5),
+        degrees_of_freedom=(8.0, 8.0, 8.0),
+        mean_m=(0.0, 0.0, 0.0),
+        mean_limit_m=high,
+        confidence=0.95,
+        over_limit=0.5,
+    )
+    (sentence,) = check_point_sentences(test)
+    assert "smaller than expected from their σ: RMS east 0.0089 m, expected 0.0090 to 0.0400 m" in sentence
+    enough = test.model_copy(update={"rmse_m": (0.0091, 0.02, 0.02)})
+    assert not [*check_point_sentences(enough)]
+
+
+def test_distances_beyond_their_limits_and_rejected_ones_are_named_in_millimetres() -> None:
+    # Of two, each is tested at 2.5 %: 2.24 σ.
+    table = pd.DataFrame(
+        {
+            "status": ["check", "check", "rejected", "used"],
+            "point": ["A", "C", "E", "G"],
+            "other_point": ["B", "D", "F", "H"],
+            "difference_m": [-0.00226, 0.00222, 0.0213, 0.1],
+            "sigma_difference_m": [0.001, 0.001, 0.002, 0.001],
+        }
+    )
+    beyond, rejected = distance_sentences(table, 0.95)
+    assert "(95 % for all 2): A to B -2.26 mm (σ 1 mm). Check scale" in beyond
+    assert rejected == "Distances were rejected as gross errors: E to F +21.3 mm (σ 2 mm)."
+
+
+def test_a_registered_calibration_that_the_block_contradicts_is_named_with_its_chance() -> None:
+    figure = RegisteredCalibrationFigure(
+        camera="A", use="considered", parameters=3, statistic=24.5, freedom=3, probability=2e-5,
+        contradicted=True,
+    )  # fmt: skip
+    (sentence,) = registered_calibration_sentences(
+        (figure, figure.model_copy(update={"camera": "B", "contradicted": False}))
+    )
+    assert "camera A in the registry: T is 24.5 with 3 degrees of freedom" in sentence
+    assert "exceeded by chance in 0.002 % of all blocks" in sentence
+
+
 def test_no_redundancy_is_named_before_a_failed_test() -> None:
     failed = GlobalTestFigure(lower=0.9, upper=1.1, confidence=0.95, passed=False)
     figures = AdjustmentFigures(global_test=failed)
@@ -85,17 +136,21 @@ def test_no_redundancy_is_named_before_a_failed_test() -> None:
     assert "no redundancy" in sentence
 
 
-@pytest.mark.parametrize(("rejected", "named"), [(2, False), (5, False), (6, True)])
-def test_a_group_that_is_mostly_rejected_has_a_common_cause(rejected: int, named: bool) -> None:
-    found = [*group_sentences(AdjustmentFigures(groups=(control(rejected_rows=rejected),)))]
-    assert [text.startswith(f"{rejected} of 10 control points were rejected") for text in found] == (
+@pytest.mark.parametrize(
+    ("rejected", "rows", "named"),
+    [(2, 10, False), (5, 10, False), (6, 10, True), (2, 3, False), (3, 5, True)],
+)
+def test_a_group_that_is_mostly_rejected_has_a_common_cause(rejected: int, rows: int, named: bool) -> None:
+    group = control(rejected_rows=rejected, rows=rows)
+    found = [*group_sentences(AdjustmentFigures(groups=(group,)))]
+    assert [text.startswith(f"{rejected} of {rows} control points were rejected") for text in found] == (
         [True] if named else []
     )
 
 
 @pytest.mark.parametrize(("sigma0", "verdict"), [(1.5, "worse"), (0.6, "better")])
 def test_a_group_that_does_not_fit_is_named(sigma0: float, verdict: str) -> None:
-    (sentence,) = group_sentences(AdjustmentFigures(groups=(control(sigma0=sigma0),)))
+    (sentence,) = group_sentences(AdjustmentFigures(groups=(control(sigma0=sigma0, redundancy=10.0),)))
     assert sentence.startswith(f"The control points fit {verdict} than their σ predict")
     assert not [*group_sentences(AdjustmentFigures(groups=(control(sigma0=sigma0, redundancy=9.0),)))]
 
@@ -185,11 +240,13 @@ def test_stated_standard_deviations_that_do_not_agree_are_named() -> None:
         component("image_points", factor=1.1, factor_lower=0.9, factor_upper=1.3),
         component("control_points plan", estimated=False, factor_lower=None, factor_upper=None),
         component("ins_attitudes", factor_upper=None),
+        component("distances", factor=0.5, factor_lower=0.4, factor_upper=0.8),
     )
     figures = VarianceFigures(rounds=3, confidence=0.95, components=parts)
-    height, attitudes, kept = variance_sentences(figures)
+    height, attitudes, distances, kept = variance_sentences(figures)
     assert height.startswith("The stated σ of GNSS positions in height do not agree with the residuals")
     assert "2.00 (1.50 to inf) times as large" in attitudes
+    assert "0.50 (0.40 to 0.80) times as large" in distances
     assert kept.endswith("the σ of control points in plan; they remain as stated.")
 
 
@@ -241,20 +298,34 @@ def test_systematic_means_and_correlated_neighbours_are_named_by_camera() -> Non
     )
     rows = pd.DataFrame(
         {
-            "camera": ["A", "A", "A", "B"],
-            "distance_to_mm": [2.0, 4.0, 8.0, 2.0],
-            "correlation": [0.11, 0.21, 0.6, 0.3],
-            "correlated": [True, True, True, False],
+            "camera": ["A", "A", "A", "A", "B"],
+            "distance_to_mm": [1.0, 2.0, 4.0, 8.0, 2.0],
+            "correlation": [0.11, 0.21, 0.16, 0.6, 0.3],
+            "correlated": [True, True, True, True, False],
         }
     )
     systematic, neighbours = residual_grid_sentences(ResidualGridFigure(cameras=(grid,)), rows)
-    assert "camera A: up to 1.2 µm in sub-areas of the image, significant in 20 % of 600" in systematic
-    assert "camera A are correlated (up to 0.21 below 4 mm)" in neighbours
-    few = rows.assign(correlation=[0.11, 1.14, 0.6, 0.3])
+    assert (
+        "camera A: up to 1.2 µm in sub-areas of the image, significant in 20 % of 600 (by chance: 5 %)"
+        in systematic
+    )
+    assert "camera A are correlated (up to 0.21 below 2 mm)" in neighbours
+    few = rows.assign(correlation=[0.11, 1.14, 0.16, 0.6, 0.3])
     _, neighbours = residual_grid_sentences(ResidualGridFigure(cameras=(grid,)), few)
-    assert "camera A are correlated (up to 1.00 below 4 mm)" in neighbours
+    assert "camera A are correlated (up to 1.00 below 2 mm)" in neighbours
     by_chance = grid.model_copy(update={"significant": 51})
-    assert not [*residual_grid_sentences(ResidualGridFigure(cameras=(by_chance,)), rows[3:])]
+    assert not [*residual_grid_sentences(ResidualGridFigure(cameras=(by_chance,)), rows[4:])]
+
+
+def test_a_correction_is_said_with_what_it_did_to_sigma0() -> None:
+    steps = tuple(
+        GridStepFigure(number=k, sigma0=s0, rms_um=0.2, noise_um=0.1)
+        for k, s0 in enumerate((1.25, 1.1, 1.05))
+    )
+    iteration = GridIterationFigure(taken=2, reason="settled", gain=0.1, steps=steps)
+    none = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
+    (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=iteration), none)
+    assert "corrected 2 times by their mean residuals, which changed σ0 from 1.250 to 1.050; " in sentence
 
 
 def test_corrections_by_mean_residuals_say_that_sigmas_take_them_as_exact() -> None:

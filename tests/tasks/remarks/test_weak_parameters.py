@@ -7,7 +7,9 @@ import pytest
 
 from adjust.parameters import Quantity
 from tasks.evaluation.adjustment_figures import weak_parameters
+from tasks.remarks.separability import determining
 from tasks.remarks.weak_parameters import weak_parameter_sentences
+from tasks.results.figures import WeakParameters
 
 
 def parameters(*names: str) -> tuple[Quantity, ...]:
@@ -49,6 +51,32 @@ def test_a_correlated_pair_comes_with_what_separates_it(names: tuple[str, str], 
     assert str(parameters(*names)[1]) in sentence
     assert "are 99.3 % correlated" in sentence
     assert remedy in sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("gnss_shift_z", "control"),
+        ("boresight_yaw", "attitudes"),
+        ("principal_point_y", "strips flown in opposite or crossing directions"),
+        ("focal_length", "a second flying height or strong relief"),
+        ("lever_arm_x", "strips flown in opposite or crossing directions"),
+        ("lever_arm_z", "strong tilts"),
+        ("time_offset", "varying ground speeds"),
+    ],
+)
+def test_a_parameter_that_is_not_determined_comes_with_what_it_needs(name: str, remedy: str) -> None:
+    (found,) = determining(name)
+    assert remedy in found
+
+
+def test_what_separates_a_combination_is_listed() -> None:
+    names = ("principal_point_x", "gnss_shift_x", "lever_arm_x")
+    (sentence,) = weak_parameter_sentences((WeakParameters(parameters=names, entities=("C", "1", "C")),))
+    assert (
+        "strips flown in opposite or crossing directions and a second flying height or strong relief "
+        "separate them, otherwise hold all but one of them fixed"
+    ) in sentence
 
 
 def test_nearly_complete_correlation_is_never_said_to_be_complete() -> None:
