@@ -50,14 +50,12 @@ class JsonValue:
         for k, one in enumerate(self.value):
             yield JsonValue(self.file, f"{self.where}[{k}]", one)
 
-    def entries(self) -> list[tuple[str, JsonValue]]:
-        """The keys of an object with their values."""
+    def entries(self) -> Iterator[tuple[str, JsonValue]]:
+        """The keys of an object with their values, one after the other."""
         if not isinstance(self.value, dict):
             raise self._trouble("This is not an object.")
-        return [
-            (key, JsonValue(self.file, f"{self.where}.{key}".lstrip("."), one))
-            for key, one in self.value.items()
-        ]
+        for key, one in self.value.items():
+            yield key, JsonValue(self.file, f"{self.where}.{key}".lstrip("."), one)
 
     def taken(self) -> Iterator[JsonValue]:
         """As `each`; the list forgets every element when the next one is required."""
