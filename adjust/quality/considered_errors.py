@@ -100,13 +100,8 @@ class ConsideredErrors:
                 errors += term.jacobian @ self.of_families[term.block][term.index]
         return errors
 
-    def covariance_of_residuals(self, equations: Linearization) -> Floats:
-        """B̃ C B̃ᵀ (n, m, m) of every observation."""
-        errors = self.of_residuals(equations)
-        return errors @ np.swapaxes(errors, 1, 2)
-
     def of_whitened(self, group: ObservationGroup, state: State) -> Floats:
-        """The same of whitened equations of a group at a state."""
+        """Errors (n, m, k) of the whitened residuals of a group at a state, without a unit: B̃ R."""
         if not isinstance(group, ImagePoints):
             return self.of_residuals(whiten(group, group.linearize(state)))
         errors = np.empty((len(group.image), 2, self.of_unknowns.count))
@@ -114,6 +109,11 @@ class ConsideredErrors:
             part = group.only(slice(first, first + _AT_ONCE))
             errors[first : first + _AT_ONCE] = self.of_residuals(standardize(part, part.linearize(state)))
         return errors
+
+    def covariance_of_residuals(self, equations: Linearization) -> Floats:
+        """B̃ C B̃ᵀ (n, m, m) of every observation."""
+        errors = self.of_residuals(equations)
+        return errors @ np.swapaxes(errors, 1, 2)
 
     def covariance_of_rays(self, rays: ImagePoints, state: State) -> Floats:
         """The same (n, 2, 2) of image points in units of their σ; zero for those that are not used."""

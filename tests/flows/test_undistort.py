@@ -231,11 +231,10 @@ def test_every_image_of_a_folder_is_stated_whichever_call_has_written_it(
     ]
 
 
-def test_a_call_waits_for_another_one_that_states_its_images(
-    start: Start, results: Path, name: str, tmp_path: Path
-) -> None:
-    """Otherwise each would state what it has read before the other one, and one image would be lost."""
-    image, out = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8")), tmp_path / "out"
+def waiting_for_another(
+    start: Start, results: Path, image: Path, out: Path
+) -> tuple[int, subprocess.Popen[bytes]]:
+    """The lock of another call on a folder, and a call that has written an image into it and waits."""
     out.mkdir()
     other = os.open(out, os.O_RDONLY)
     fcntl.flock(other, fcntl.LOCK_EX)
@@ -244,6 +243,15 @@ def test_a_call_waits_for_another_one_that_states_its_images(
     while not (out / image.name).exists():
         assert process.poll() is None
         time.sleep(0.01)
+    return other, process
+
+
+def test_a_call_waits_for_another_one_that_states_its_images(
+    start: Start, results: Path, name: str, tmp_path: Path
+) -> None:
+    """Otherwise each would state what it has read before the other one, and one image would be lost."""
+    image, out = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8")), tmp_path / "out"
+    other, process = waiting_for_another(start, results, image, out)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(2.0)
     (out / "UNDISTORTED.txt").write_text("Of another call.\n\nother.tif: camera A; cubic\n")
@@ -258,14 +266,7 @@ def test_an_image_is_left_out_where_another_call_has_begun_with_other_cameras(
     start: Start, results: Path, name: str, tmp_path: Path
 ) -> None:
     image, out = written(tmp_path / f"{name}.tif", pixels(1, ROWS, COLUMNS, "uint8")), tmp_path / "out"
-    out.mkdir()
-    other = os.open(out, os.O_RDONLY)
-    fcntl.flock(other, fcntl.LOCK_EX)
-    command = (sys.executable, "-m", "flows.command", "undistort", results, image, "--out", out)
-    process = start(*command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    while not (out / image.name).exists():
-        assert process.poll() is None
-        time.sleep(0.01)
+    other, process = waiting_for_another(start, results, image, out)
     (out / "cameras.csv").write_bytes(b"theirs")
     os.close(other)
     assert process.wait() == 2
