@@ -13,7 +13,6 @@ from adjust.block import Block
 from adjust.errors import UnknownNameError
 from adjust.one_thread import one_thread
 from adjust.parameters import ParameterLayout
-from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.joint_cofactor import Chosen, joint_cofactors_of
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import Solution
@@ -73,18 +72,19 @@ class JointCovariance:
 def joint_covariance(
     system: System,
     solution: Solution,
-    considered: ConsideredErrors | None,
+    errors: FullVectors | None,
     sigma0: float,
     names: tuple[Sequence[str], Sequence[str], Sequence[str]],
 ) -> JointCovariance:
     """Covariances of images, parameters and object points, by name.
 
-    Errors of considered parameters are part of them; in a free network they are those of its datum.
+    In a free network they are those of its datum.
 
     Parameters
     ----------
-    considered : their effects on the unknowns; None without any.
-    sigma0 : factor of all standard deviations but those of considered parameters.
+    errors : (u, k) what k independent errors of considered parameters and of corrections of image coordinates
+        add to the unknowns; None without any.
+    sigma0 : factor of all standard deviations but those of these errors.
     names : of images (in a rig of events, whose pose is that of the reference head), parameters and object
         points.
 
@@ -103,9 +103,9 @@ def joint_covariance(
             change = g @ _rows(f, chosen).T
             matrix = matrix - change - change.T
     matrix = sigma0**2 * matrix
-    if considered is not None:
-        errors = _rows(considered.of_unknowns, chosen)
-        matrix = matrix + errors @ errors.T
+    if errors is not None:
+        added = _rows(errors, chosen)
+        matrix = matrix + added @ added.T
     return JointCovariance(unknowns, 0.5 * (matrix + matrix.T), sigma0)
 
 

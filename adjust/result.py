@@ -228,7 +228,7 @@ class AdjustmentResult:
         """
         factor = self.sigma0 if sigma0 is None else sigma0
         return joint_covariance(
-            self.system, self.solution, self.cofactor.considered, factor, (images, parameters, points)
+            self.system, self.solution, self.cofactor.errors_of_unknowns, factor, (images, parameters, points)
         )
 
     def __repr__(self) -> str:

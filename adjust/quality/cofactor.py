@@ -10,9 +10,11 @@ from adjust.arrays import Bools, Floats
 from adjust.parameters import ParameterLayout
 from adjust.quality import cofactor_kernel
 from adjust.quality.considered_errors import ConsideredErrors
+from adjust.quality.correction_errors import CorrectionErrors
 from adjust.quality.joint_cofactor import joint_cofactors
 from adjust.solve.border_columns_kernel import TILE
 from adjust.solve.factorization import ReducedCofactor
+from adjust.solve.full_vectors import FullVectors, joined
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.lanes import Lane, in_any_order, lanes
 from adjust.solve.system import System
@@ -30,7 +32,8 @@ class Cofactor:
     hat_of_rays : (n, 3) elements xx, xy, yy of the hat matrix A Q Aᵀ P of every image point.
     of_joins : (k, 3, 3) between the two object points of every join, local axes, m²; zero where one takes no
         part.
-    considered : what errors of considered parameters add, not part of the above; None without any.
+    considered, corrections : what errors of considered parameters and of corrections of image coordinates
+        add, not part of the above; None without any.
     """
 
     reduced: ReducedCofactor
@@ -38,6 +41,13 @@ class Cofactor:
     hat_of_rays: Floats
     of_joins: Floats
     considered: ConsideredErrors | None = None
+    corrections: CorrectionErrors | None = None
+
+    @property
+    def errors_of_unknowns(self) -> FullVectors | None:
+        """What k independent errors of unit variance add to the unknowns, (u, k), from all that is known."""
+        parts = [item.of_unknowns for item in (self.considered, self.corrections) if item is not None]
+        return joined(parts) if parts else None
 
     def without_joins(self, layout: ParameterLayout) -> Cofactor:
         """The same of the unknowns of a layout alone: what joins object points has no column any more."""

@@ -18,19 +18,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from adjust.arrays import Floats
 from adjust.observations.joint_prior import JointPrior
-from adjust.parameters import (
-    ConsideredParameters,
-    ParameterLayout,
-    State,
-)
+from adjust.parameters import ParameterLayout, State
 from adjust.quality.alternative_products import products_of
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.considered_errors import ConsideredErrors, Contradiction
 from adjust.quality.detectability import INDISTINGUISHABLE
 from adjust.quality.model_alternatives import considered_alternatives
 from adjust.quality.single_error import single_errors
+from adjust.quality.unknown_errors import errors_of_families
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import Solution
@@ -75,36 +71,29 @@ def considered_errors(system: System, solution: Solution) -> ConsideredErrors | 
         g = solution.movements.vectors
         of_unknowns = of_unknowns.minus(g.times(solution.movements.selected.dot(of_unknowns)))
     of_unknowns = replace(of_unknowns, of_border=of_unknowns.of_border[: system.layout.border])
+    of_families = errors_of_families(system.layout, of_unknowns.of_border)
+    for place, own in zip(known.places, known.root, strict=True):
+        of_families[place.family][place.entity, place.component] = own
     return ConsideredErrors(
-        known,
         of_unknowns,
-        _of_families(system, known, of_unknowns.of_border),
+        of_families,
+        known,
         0.5 * (left[:k, :k] + left[:k, :k].T),
         products.own[:k, :k],
         left[:k, k],
     )
 
 
-def _of_families(system: System, known: ConsideredParameters, of_border: Floats) -> dict[str, Floats]:
-    """Errors (e, d, k) of the system parameters: the free ones follow, the considered ones have their own."""
-    errors = {}
-    for name, columns in system.layout.columns.items():
-        errors[name] = np.zeros((*columns.shape, of_border.shape[1]))
-        free = columns >= 0
-        errors[name][free] = of_border[columns[free]]
-    for place, own in zip(known.places, known.root, strict=True):
-        errors[place.family][place.entity, place.component] = own
-    return errors
-
-
 def with_considered(quality: Cofactor, sigma0: float) -> Cofactor:
     """Cofactors which, times σ0², are covariances with the errors of considered parameters in them.
 
+    Those of corrections of image coordinates are in them, too.
     The hat matrices stay, as do the normal equations of the system parameters: both are of the adjustment.
     """
-    if quality.considered is None:
+    given = quality.errors_of_unknowns
+    if given is None:
         return quality
-    errors = quality.considered.of_unknowns.times(np.eye(quality.considered.of_unknowns.count) / sigma0)
+    errors = given.times(np.eye(given.count) / sigma0)
     of_points = quality.of_points + errors.of_points @ np.swapaxes(errors.of_points, 1, 2)
     return replace(quality, reduced=_reduced(quality.reduced, errors), of_points=of_points)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,9 +12,9 @@ from scipy import special
 from adjust.arrays import Floats
 from adjust.observations.base import Linearization, ObservationGroup
 from adjust.observations.image_point import ImagePoints
-from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ConsideredParameters, State
+from adjust.parameters import ConsideredParameters, State
 from adjust.quality.detectability import INDISTINGUISHABLE
-from adjust.solve.full_vectors import FullVectors
+from adjust.quality.unknown_errors import UnknownErrors
 from adjust.solve.whitening import standardize, whiten
 
 # So many image points at a time bound the memory of what is between.
@@ -41,21 +41,17 @@ class Contradiction:
 
 
 @dataclass(frozen=True, eq=False)
-class ConsideredErrors:
+class ConsideredErrors(UnknownErrors):
     """What k independent errors of unit variance in the considered parameters change.
 
     Attributes
     ----------
-    known : the parameters and their covariance.
-    of_unknowns : errors (u, k) of the adjusted unknowns, −K R; in the datum of a free network.
-    of_families : name of the family → (entities, components, k) errors of free and considered parameters.
+    known : the parameters and their covariance. ``of_unknowns`` is −K R, ``of_computed`` B̃ R.
     information, own : (k, k) S̃, and the same with nothing else unknown, A_gᵀ A_g.
     score : (k,) s̃.
     """
 
     known: ConsideredParameters
-    of_unknowns: FullVectors
-    of_families: Mapping[str, Floats]
     information: Floats
     own: Floats
     score: Floats
@@ -88,31 +84,19 @@ class ConsideredErrors:
             np.sum((information @ self.remaining_root) * self.remaining_root)
         )
 
-    def of_residuals(self, equations: Linearization) -> Floats:
-        """Errors (n, m, k) that residuals have, in the units of the equations: B̃ R."""
-        errors = np.zeros((*equations.misclosure.shape, self.of_unknowns.count))
-        for term in equations.terms:
-            if term.block == EXTERIOR_ORIENTATION:
-                errors += term.jacobian @ self.of_unknowns.of_exposures[term.index]
-            elif term.block == OBJECT_POINT:
-                errors += term.jacobian @ self.of_unknowns.of_points[term.index]
-            else:
-                errors += term.jacobian @ self.of_families[term.block][term.index]
-        return errors
-
     def of_whitened(self, group: ObservationGroup, state: State) -> Floats:
         """Errors (n, m, k) of the whitened residuals of a group at a state, without a unit: B̃ R."""
         if not isinstance(group, ImagePoints):
-            return self.of_residuals(whiten(group, group.linearize(state)))
+            return self.of_computed(whiten(group, group.linearize(state)))
         errors = np.empty((len(group.image), 2, self.of_unknowns.count))
         for first in range(0, len(errors), _AT_ONCE):
             part = group.only(slice(first, first + _AT_ONCE))
-            errors[first : first + _AT_ONCE] = self.of_residuals(standardize(part, part.linearize(state)))
+            errors[first : first + _AT_ONCE] = self.of_computed(standardize(part, part.linearize(state)))
         return errors
 
     def covariance_of_residuals(self, equations: Linearization) -> Floats:
         """B̃ C B̃ᵀ (n, m, m) of every observation."""
-        errors = self.of_residuals(equations)
+        errors = self.of_computed(equations)
         return errors @ np.swapaxes(errors, 1, 2)
 
     def covariance_of_rays(self, rays: ImagePoints, state: State) -> Floats:

@@ -194,10 +194,11 @@ def _whitened(adjusted: Adjusted, given: ControlPoints, rejected: Bools) -> _Whi
 
 
 def _errors(adjusted: Adjusted, point: Ints, jacobian: Floats) -> Floats:
-    """Errors (n, 3, k) of whitened residuals by errors of considered parameters."""
-    if adjusted.quality.considered is None:
+    """Errors (n, 3, k) of whitened residuals by those of considered parameters and corrections."""
+    errors = adjusted.quality.errors_of_unknowns
+    if errors is None:
         return np.zeros((*jacobian.shape[:2], 0))
-    return np.asarray(jacobian @ adjusted.quality.considered.of_unknowns.of_points[point])
+    return np.asarray(jacobian @ errors.of_points[point])
 
 
 def _check(

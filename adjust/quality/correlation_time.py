@@ -136,7 +136,7 @@ def score(system: System, state: State, quality: Cofactor, group: ObservationGro
     residual, its = -alone.misclosure, -changed.misclosure
     hat = np.einsum("nii->", hat_matrices(alone, changed, system.layout, quality))
     if (considered := quality.considered) is not None:
-        moved, moved_its = considered.of_residuals(alone), considered.of_residuals(changed)
+        moved, moved_its = considered.of_computed(alone), considered.of_computed(changed)
         residual, its = (
             residual - moved @ considered.most_probable,
             its - moved_its @ considered.most_probable,

@@ -178,7 +178,7 @@ def _left_of(
         part = slice(first, first + step)
         few = group.only(part) if isinstance(group, ImagePoints) else group
         model = few.stochastic
-        moved = considered.of_residuals(few.linearize(state))
+        moved = considered.of_computed(few.linearize(state))
         moved = np.where(model.present[:, :, None], moved, 0.0)
         residual[part] -= moved @ considered.most_probable
         for spread in np.moveaxis(moved @ considered.remaining_root, 2, 0):

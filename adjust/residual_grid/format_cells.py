@@ -7,12 +7,14 @@ images show would describe neither of them. Cells are numbered row by row, row 0
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
+from scipy import sparse
 
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.errors import InconsistentBlockError
 
 Interpolation = Literal["bilinear", "cell"]
@@ -169,15 +171,34 @@ class FormatCells:
         CCD image, constant beyond the outermost middles. Cells without a value (NaN) are not used; where
         there is none with one the result is zero. Each coordinate by itself.
         """
+        total, weights = np.zeros((len(xy), 2)), np.zeros((len(xy), 2))
+        for cell, share in self._shares(xy, interpolation):
+            value = values[cell]
+            weight = np.where(np.isfinite(value), share[:, None], 0.0)
+            total += weight * np.nan_to_num(value)
+            weights += weight
+        return np.asarray(total / np.where(weights > 0.0, weights, 1.0))
+
+    def interpolation_matrix(
+        self, known: Bools, xy: Floats, interpolation: Interpolation
+    ) -> sparse.csr_array[np.float64]:
+        """The same of one coordinate as a matrix (r, k), for cells (k,) with and without a value."""
+        row, shares = np.arange(len(xy)), list(self._shares(xy, interpolation))
+        weights = [np.where(known[cell], share, 0.0) for cell, share in shares]
+        total = np.sum(weights, axis=0)
+        entries = np.concatenate(weights) / np.tile(np.where(total > 0.0, total, 1.0), len(shares))
+        places = np.tile(row, len(shares)), np.concatenate([cell for cell, _ in shares])
+        found = sparse.csr_array((entries, places), shape=(len(xy), self.count))
+        found.eliminate_zeros()
+        return found
+
+    def _shares(self, xy: Floats, interpolation: Interpolation) -> Iterator[tuple[Ints, Floats]]:
+        """The cells (r,) that image points (r, 2) get a value from, one after the other, and its weights."""
         if interpolation == "cell":
-            return np.nan_to_num(values[self.cell_of(xy)])
+            yield self.cell_of(xy), np.ones(len(xy))
+            return
         column, other_column, of_column = self.along_x.neighbours(xy[:, 0])
         row, other_row, of_row = self.along_y.neighbours(xy[:, 1])
-        total, weights = np.zeros((len(xy), 2)), np.zeros((len(xy), 2))
         for c, weight_x in ((column, 1.0 - of_column), (other_column, of_column)):
             for r, weight_y in ((row, 1.0 - of_row), (other_row, of_row)):
-                value = values[r * self.columns + c]
-                weight = np.where(np.isfinite(value), (weight_x * weight_y)[:, None], 0.0)
-                total += weight * np.nan_to_num(value)
-                weights += weight
-        return np.asarray(total / np.where(weights > 0.0, weights, 1.0))
+                yield r * self.columns + c, weight_x * weight_y

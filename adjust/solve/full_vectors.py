@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,6 +57,15 @@ class FullVectors:
             + self.of_points.reshape(-1, self.count).T @ other.of_points.reshape(-1, other.count)
         )
         return products
+
+
+def joined(parts: Sequence[FullVectors]) -> FullVectors:
+    """Vectors next to each other."""
+    return FullVectors(
+        np.concatenate([part.of_exposures for part in parts], axis=2),
+        np.concatenate([part.of_border for part in parts], axis=1),
+        np.concatenate([part.of_points for part in parts], axis=2),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +134,7 @@ def inverse_products(
     if len(numbers):
         at_points[~system.active_point] = 0.0
         load = FullVectors(of_exposures[:, :, numbers], of_border[:, numbers], at_points)
-        of_exposures[:, :, numbers], of_border[:, numbers] = _reduced(system, state, normals, load)
+        of_exposures[:, :, numbers], of_border[:, numbers] = reduced_loads(system, state, normals, load)
         elimination_kernel.substitute_forward(normals.point_factor, system.active_point, at_points)
         y = at_points.reshape(-1, len(numbers))
         of_eliminated = y.T @ y
@@ -143,7 +153,7 @@ def solve_full(
     state : that of linearisation.
     """
     normals = factorization.normals
-    rhs_exposure, rhs_border = _reduced(system, state, normals, right_hand_sides)
+    rhs_exposure, rhs_border = reduced_loads(system, state, normals, right_hand_sides)
     parts = (rhs_exposure, rhs_border, right_hand_sides.of_points)
     found = FullVectors(*(np.empty_like(part) for part in parts))
     found.of_exposures[:], found.of_border[:] = factorization.factor.solve(rhs_exposure, rhs_border)
@@ -156,7 +166,7 @@ def solve_full(
     return found
 
 
-def _reduced(
+def reduced_loads(
     system: System, state: State, normals: ReducedNormals, given: FullVectors
 ) -> tuple[Floats, Floats]:
     """Right-hand sides (n, 6, d) and (g, d) after elimination of the object points."""

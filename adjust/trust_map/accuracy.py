@@ -24,6 +24,7 @@ from adjust.parameters import (
     State,
 )
 from adjust.quality.considered_errors import ConsideredErrors
+from adjust.quality.correction_errors import CorrectionErrors
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.quality.picture_cofactor import reduced_to_pictures
 from adjust.result import AdjustmentResult
@@ -38,6 +39,8 @@ from adjust.trust_map.groups import CellGroups
 # Rays of the cells that are worked on together: enough that many cells have the same images. Fewer, where
 # each ray has derivatives of its own by additional parameters.
 _RAYS_AT_ONCE, _RAYS_WITH_PARAMETERS = 1_000_000, 300_000
+# With more errors of other kinds than this, fewer.
+_ERRORS = 16
 # The distortion of an image point is found in so many steps; each leaves a thousandth of it at most.
 _STEPS = 3
 
@@ -152,8 +155,15 @@ def cell_accuracy(
     sight: Sight,
     measurement: NewMeasurement,
     considered: ConsideredErrors | None = None,
+    corrections: CorrectionErrors | None = None,
 ) -> CellAccuracy:
-    """Accuracy of every cell, in blocks of whole rows of the grid."""
+    """Accuracy of every cell, in blocks of whole rows of the grid.
+
+    Parameters
+    ----------
+    considered, corrections : what errors of considered parameters, and of corrections that new measurements
+        get like those of the block, add; None without any.
+    """
     m = len(cells.x_in_local)
     sigma, of_pair, relative, external = (np.full((m, 3), np.nan) for _ in range(4))
     found = CellAccuracy(sight.rays, sigma, of_pair, relative, external, np.full(m, -1))
@@ -161,12 +171,38 @@ def cell_accuracy(
         cofactor = solution.cofactor()
 
         def work(part: tuple[int, int]) -> None:
-            _fill(found, part, solution, cofactor, cells, sight, measurement, considered)
+            _fill(found, part, solution, cofactor, cells, sight, measurement, others)
 
-        plain = considered is None and solution.system.observations.image_points.self_calibration is None
-        together = _RAYS_AT_ONCE if plain else _RAYS_WITH_PARAMETERS
+        others = _OtherErrors(considered, corrections)
+        plain = not others.count and solution.system.observations.image_points.self_calibration is None
+        together = _RAYS_AT_ONCE if plain else _RAYS_WITH_PARAMETERS * _ERRORS // max(others.count, _ERRORS)
         in_any_order(work, _parts(cells, sight, together), solution.system.threads)
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class _OtherErrors:
+    """Errors that are neither of the observations nor of new measurements; None without any."""
+
+    considered: ConsideredErrors | None
+    corrections: CorrectionErrors | None
+
+    @property
+    def count(self) -> int:
+        """Number k of independent errors."""
+        parts = self.considered, self.corrections
+        return sum(part.of_unknowns.count for part in parts if part is not None)
+
+    def of_rays(self, rays: ImagePoints, state: State) -> Floats:
+        """Errors (r, 2, k) of computed − measured image coordinates, but for those of the object points."""
+        equations = rays.linearize(state)
+        of_rest = replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
+        errors = list[Floats]()
+        if self.considered is not None:
+            errors.append(self.considered.of_computed(of_rest))
+        if self.corrections is not None:
+            errors.append(self.corrections.of_rays(rays, of_rest))
+        return np.concatenate(errors, axis=2)
 
 
 def _parts(cells: GroundCells, sight: Sight, together: int) -> list[tuple[int, int]]:
@@ -189,7 +225,7 @@ def _fill(
     cells: GroundCells,
     sight: Sight,
     measurement: NewMeasurement,
-    considered: ConsideredErrors | None,
+    others: _OtherErrors,
 ) -> None:
     """Fill in the cells of one part."""
     first, last = part
@@ -198,16 +234,15 @@ def _fill(
     measured = solution.system.observations.image_points
     state = replace(solution.state, object_point=cells.x_in_local[first:last])
     slope, basis, of_known = np.zeros((1, 2, 5)), np.zeros((1, 2, 0)), np.zeros((0, 2, 0))
-    if measured.self_calibration is not None or considered is not None:
+    if measured.self_calibration is not None or others.count:
         cell = np.repeat(np.arange(last - first), np.diff(start))
-        rays = new_rays(measured, state, image, cell, measurement.sigma, exact=False)
+        exact = others.corrections is not None
+        rays = new_rays(measured, state, image, cell, measurement.sigma, exact=exact)
         names = () if measured.self_calibration is None else measured.self_calibration.names
         ideal = rays.ideal(state, np.arange(len(names)), with_slope=True)
         slope, basis = ideal.slope, ideal.basis
-        if considered is not None:
-            equations = rays.linearize(state)
-            of_rest = replace(equations, terms=tuple(t for t in equations.terms if t.block != OBJECT_POINT))
-            of_known = considered.of_residuals(of_rest)
+        if others.count:
+            of_known = others.of_rays(rays, state)
     neighbour = np.where(cells.neighbour[first:last] >= 0, cells.neighbour[first:last] - first, -1)
     chosen = slice(first, last)
     pattern, own_cofactor = cofactor.pattern, (cofactor.blocks, cofactor.border, cofactor.corner)

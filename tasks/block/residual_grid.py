@@ -27,6 +27,7 @@ from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.image_correction import CorrectionField, corrected
 from adjust.residual_grid.image_sets import GridRule
 from adjust.residual_grid.iteration import GridIteration, iterate_grid
+from adjust.residual_grid.remaining_errors import remaining_errors, with_correction_errors
 from adjust.residual_grid.residual_grid import ResidualGrid, residual_grids
 from adjust.residual_grid.smoothing import Smoothing
 from adjust.result import AdjustmentResult
@@ -53,7 +54,7 @@ class BlockGrids:
 
     Attributes
     ----------
-    result : of the adjustment with all corrections.
+    result : of the adjustment with all corrections, and with what they leave in its covariances.
     grids : mean residuals that are left.
     fields : corrections of the image coordinates; None where there are none.
     iteration : how the corrections were found; None where they were not iterated.
@@ -124,7 +125,8 @@ def block_grids(
             raise NotComputableError(f"With corrections by mean residuals: {error}") from error
     residual, chosen = result.groups[0].residual, controlled(result.groups[0])
     grids = residual_grids(cells, block.camera_of_image, rays.image, rays.xy, residual, chosen)
-    return BlockGrids(result, grids, fields, iteration)
+    errors = remaining_errors(result, fields, grids, block.camera_of_image, settings.interpolation)
+    return BlockGrids(with_correction_errors(result, errors), grids, fields, iteration)
 
 
 def _image_points(rays: ImagePoints, block: Block) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.camera.interior import FrameCamera
 from adjust.observations.image_point import ImagePoints
+from adjust.quality.considered import with_considered
 from adjust.residual_grid.autocorrelation import Autocorrelation
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.iteration import GridIteration
@@ -20,6 +22,7 @@ from tasks.block.residual_grid import BlockGrids, autocorrelations
 from tasks.files.json_text import JSON
 from tasks.results.figures import (
     CameraGridFigure,
+    CorrectionErrorsFigure,
     CrossStepFigure,
     GridIterationFigure,
     GridStepFigure,
@@ -69,16 +72,37 @@ def _rows(camera: str, component: int, name: str, own: Autocorrelation) -> pd.Da
 
 def residual_grid_figures(cameras: tuple[FrameCamera, ...], grids: BlockGrids, confidence: float) -> JSON:
     """The size of the mean residuals of each camera, and how corrections were found."""
+    errors = grids.result.cofactor.corrections
+    sigmas = (None,) * len(cameras) if errors is None else errors.sigma
     rows = tuple(
-        _camera_figure(camera.name, grid, field, confidence)
-        for camera, grid, field in zip(cameras, grids.grids, grids.fields, strict=True)
+        _camera_figure(camera.name, grid, field, sigma, confidence)
+        for camera, grid, field, sigma in zip(cameras, grids.grids, grids.fields, sigmas, strict=True)
         if grid is not None
     )
-    return ResidualGridFigure(cameras=rows, iteration=_iteration_figure(grids.iteration)).to_json()
+    remaining = None if errors is None else _remaining_figure(grids.result)
+    iteration = _iteration_figure(grids.iteration)
+    return ResidualGridFigure(cameras=rows, iteration=iteration, remaining=remaining).to_json()
+
+
+def _remaining_figure(result: AdjustmentResult) -> CorrectionErrorsFigure:
+    """Standard deviations with the errors of corrections over those without."""
+    having, without = (
+        with_considered(item, result.sigma0)
+        for item in (result.cofactor, replace(result.cofactor, corrections=None))
+    )
+    heights = [np.nanmean(quality.of_points[:, 2, 2]) for quality in (having, without)]
+    figure = CorrectionErrorsFigure(heights=float(np.sqrt(heights[0] / heights[1])))
+    variances = [np.diagonal(quality.reduced.corner) for quality in (having, without)]
+    if not len(variances[0]):
+        return figure
+    factors = np.sqrt(variances[0] / variances[1])
+    quantity = result.layout.border_quantities[int(np.argmax(factors))]
+    largest = {"factor": float(factors.max()), "parameter": quantity.name, "entity": quantity.entity}
+    return figure.model_copy(update=largest)
 
 
 def _camera_figure(
-    camera: str, grid: ResidualGrid, field: CorrectionField | None, confidence: float
+    camera: str, grid: ResidualGrid, field: CorrectionField | None, sigma: float | None, confidence: float
 ) -> CameraGridFigure:
     return CameraGridFigure(
         camera=camera,
@@ -95,6 +119,7 @@ def _camera_figure(
         noise_um=_pair(grid.noise),
         signal_um=_pair(grid.signal),
         correction_rms_um=None if field is None else _pair(field.rms),
+        image_error_um=None if sigma is None else sigma / _UM,
     )
 
 

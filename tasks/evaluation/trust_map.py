@@ -244,7 +244,8 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
     sigma = new_sigma(adjusted, settings)
     solution = joint_solution(result, sight)
     measurement = NewMeasurement(sigma, adjusted.sigma0)
-    accuracy = cell_accuracy(solution, ground, sight, measurement, result.cofactor.considered)
+    others = result.cofactor.considered, result.cofactor.corrections
+    accuracy = cell_accuracy(solution, ground, sight, measurement, *others)
     chosen = cells.spread(_SOLVED_FOR)
     errors = block_errors(solution, result, ground, sight, chosen)
     everywhere = BlockErrors(

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import sqrt
 
 import numpy as np
 import pandas as pd
 
-from tasks.results.figures import CameraGridFigure, GridIterationFigure, ResidualGridFigure
+from tasks.quantities import named
+from tasks.results.figures import (
+    CameraGridFigure,
+    CorrectionErrorsFigure,
+    GridIterationFigure,
+    ResidualGridFigure,
+)
 
 # Chance makes the share of significant sub-areas scatter; beyond so many of its σ it is not chance.
 _NOT_BY_CHANCE = 4.0
@@ -38,6 +44,13 @@ def residual_grid_sentences(grid: ResidualGridFigure, autocorrelation: pd.DataFr
     """
     if grid.iteration is not None:
         yield _corrected(grid.iteration)
+    if grid.remaining is not None:
+        yield _remaining(grid.remaining, grid.cameras)
+    elif grid.iteration is not None and grid.iteration.taken:
+        yield (
+            "The standard deviations take the corrections by mean residuals as exact: for so many sub-areas "
+            "it is not computed what they leave of the image errors in the adjusted values."
+        )
     of_camera = {figure.camera: figure for figure in grid.cameras}
     for camera in dict.fromkeys((*of_camera, *autocorrelation["camera"])):
         if camera in of_camera:
@@ -53,8 +66,23 @@ def _corrected(iteration: GridIterationFigure) -> str:
     times = "once" if iteration.taken == 1 else f"{iteration.taken} times"
     return (
         f"The image coordinates were corrected {times} by their mean residuals, which changed σ0 from "
-        f"{first.sigma0:.3f} to {last.sigma0:.3f}; {reason}. The standard deviations take the corrections as "
-        "exact: what the adjusted values have absorbed of the image errors is not in them."
+        f"{first.sigma0:.3f} to {last.sigma0:.3f}; {reason}."
+    )
+
+
+def _remaining(figure: CorrectionErrorsFigure, cameras: Iterable[CameraGridFigure]) -> str:
+    assumed = " and ".join(
+        f"{camera.image_error_um:.1f} µm (camera {camera.camera})"
+        for camera in cameras
+        if camera.image_error_um is not None
+    )
+    parameter = ""
+    if figure.factor is not None:
+        parameter = f", and that of {named(figure.parameter, figure.entity)} {figure.factor:.1f} times"
+    return (
+        "The standard deviations include what the corrections by mean residuals leave in the adjusted values "
+        f"of image errors of {assumed}, which the mean residuals indicate: those of heights of object points "
+        f"are {figure.heights:.1f} times as large as without{parameter}."
     )
 
 

@@ -158,13 +158,30 @@ class CameraGridFigure(Figure):
     noise_um: Values
     signal_um: Values
     correction_rms_um: Values | None
+    image_error_um: float | None = None
+
+
+class CorrectionErrorsFigure(Figure):
+    """How many times as large what corrections leave of image errors makes standard deviations.
+
+    ``heights``: of object points, RMS; ``factor``: of a system parameter, the largest; null if none is free.
+    """
+
+    heights: float
+    factor: float | None = None
+    parameter: str = ""
+    entity: str = ""
 
 
 class ResidualGridFigure(Figure):
-    """Mean residuals; ``iteration`` is null where they were not used as corrections."""
+    """Mean residuals; ``iteration`` is null where they were not used as corrections.
+
+    ``remaining`` is null where nothing was corrected, or what corrections leave was not computed.
+    """
 
     cameras: tuple[CameraGridFigure, ...] = ()
     iteration: GridIterationFigure | None = None
+    remaining: CorrectionErrorsFigure | None = None
 
 
 class ModelFinding(Figure):

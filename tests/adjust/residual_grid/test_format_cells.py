@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from adjust.arrays import Floats
 from adjust.errors import InconsistentBlockError
-from adjust.residual_grid.format_cells import Division, FormatCells, Seams
+from adjust.residual_grid.format_cells import Division, FormatCells, Interpolation, Seams
 
 HALF = (0.05, 0.03)
 
@@ -132,3 +132,17 @@ def test_the_same_cells_are_recognized_edge_by_edge() -> None:
     assert not cells.same_as(FormatCells.of(HALF, 7))
     assert not cells.same_as(FormatCells.of(HALF, 6, Seams((0.001,))))
     assert not cells.same_as(FormatCells.of((0.0501, 0.03), 6))
+
+
+@pytest.mark.parametrize("interpolation", ["bilinear", "cell"])
+def test_the_matrix_of_an_interpolation_does_the_same(
+    interpolation: Interpolation,
+) -> None:
+    cells = FormatCells.of(HALF, 7, Seams((-0.013, 0.02), (0.001,)))
+    random = np.random.default_rng(4)
+    values = random.normal(size=(cells.count, 2))
+    values[random.random((cells.count, 2)) < 0.3] = np.nan
+    expected = cells.interpolate(values, _places(), interpolation)
+    for k in (0, 1):
+        matrix = cells.interpolation_matrix(np.isfinite(values[:, k]), _places(), interpolation)
+        np.testing.assert_allclose(matrix @ np.nan_to_num(values[:, k]), expected[:, k], atol=1e-14)

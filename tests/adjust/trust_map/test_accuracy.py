@@ -10,6 +10,7 @@ import pytest
 
 from adjust.adjustment import adjust_block
 from adjust.arrays import Floats, Ints
+from adjust.block import Block
 from adjust.options import AdjustmentOptions
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
@@ -21,9 +22,12 @@ from adjust.parameters import (
     ConsideredParameters,
     ParameterPlace,
 )
+from adjust.quality.correction_errors import CorrectionErrors
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
+from adjust.quality.unknown_errors import errors_of_families
 from adjust.result import AdjustmentResult
 from adjust.solve.design_matrix import design_matrix, full_normals
+from adjust.solve.full_vectors import FullVectors
 from adjust.solve.system import Observations, System
 from adjust.trust_map.accuracy import (
     CellAccuracy,
@@ -58,13 +62,14 @@ class Mapped:
     accuracy: CellAccuracy
 
     @classmethod
-    def of(cls, scene: Scene) -> Mapped:
+    def of(cls, scene: Scene, corrections: CorrectionErrors | None = None) -> Mapped:
         options = AdjustmentOptions()
         result = adjust_block(scene.block, scene.observations, options)
         cells = turned(cells_over(scene.truth.object_point, 9, 7))
         sight = sight_of(scene.block, result.state, cells)
         solution = joint_solution(result, sight)
-        accuracy = cell_accuracy(solution, cells, sight, MEASURED, result.cofactor.considered)
+        others = result.cofactor.considered, corrections
+        accuracy = cell_accuracy(solution, cells, sight, MEASURED, *others)
         return cls(scene, result, cells, sight, solution, accuracy)
 
 
@@ -226,12 +231,31 @@ def test_without_covariances_between_images_sigmas_would_be_wrong_by_half() -> N
     assert ratio.max() > 2.0
 
 
-def test_considered_parameters_add_their_errors_to_every_figure() -> None:
+def corrections_of(block: Block) -> CorrectionErrors:
+    """Errors of the unknowns by three errors of corrections, and of the corrections: anything."""
+    random = np.random.default_rng(8)
+
+    def at(image: Ints, xy: Floats) -> Floats:
+        along = np.array([1.0, -0.5, 0.3]) * (xy[:, :1] - 2.0 * xy[:, 1:] + 0.01 * (image % 2)[:, None])
+        return np.stack([3e-5 * along, 2e-5 * along[:, ::-1]], axis=1)
+
+    sizes = ((len(block.images), 6, 3), (block.layout.border, 3), (len(block.points), 3, 3))
+    scales = np.array([0.02, 0.02, 0.02, 4e-5, 4e-5, 4e-5])[:, None], 1.0, 0.02
+    errors = FullVectors(
+        *(scale * random.normal(size=size) for scale, size in zip(scales, sizes, strict=True))
+    )
+    families = errors_of_families(block.layout, errors.of_border)
+    return CorrectionErrors(errors, families, at, (1e-6,))
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+def test_considered_parameters_and_corrections_add_their_errors_to_every_figure(*, corrected: bool) -> None:
     scene = two_strips(noise_seed=3)
+    corrections = corrections_of(scene.block) if corrected else None
     places = tuple(ParameterPlace(INTERIOR_ORIENTATION, 0, component) for component in (0, 1))
     covariance = np.array([[40.0**2, 300.0], [300.0, 25.0**2]]) * 1e-12
     known = ConsideredParameters(places, covariance)
-    mapped = Mapped.of(replace(scene, block=replace(scene.block, considered=known)))
+    mapped = Mapped.of(replace(scene, block=replace(scene.block, considered=known)), corrections)
     dense, errors = Dense.of(mapped), mapped.result.cofactor.considered
     assert errors is not None
 
@@ -245,6 +269,10 @@ def test_considered_parameters_add_their_errors_to_every_figure() -> None:
         direct = next(t for t in rays.linearize(state).terms if t.block == INTERIOR_ORIENTATION)
         of_known = of_rest @ errors.of_unknowns.of_exposures.reshape(-1, 2)
         of_known += direct.jacobian[:, :, :2].reshape(-1, 2) / MEASURED.sigma @ known.root
+        if corrections is not None:
+            moved = of_rest @ corrections.of_unknowns.of_exposures.reshape(-1, 3)
+            own = corrections.at(images, rays.xy).reshape(-1, 3) / MEASURED.sigma
+            of_known = np.hstack([of_known, moved - own])
         return of_point, of_rest, of_known
 
     def gain_of(of_point: Floats) -> Floats:

@@ -22,6 +22,7 @@ from tasks.results.figures import (
     AdjustmentFigures,
     CameraGridFigure,
     ComponentFigure,
+    CorrectionErrorsFigure,
     CorrelationTimeFigure,
     FreeNetworkFigure,
     GlobalTestFigure,
@@ -37,6 +38,23 @@ from tasks.results.figures import (
     figures_of,
 )
 from tasks.results.summary import CheckPointTest
+
+CAMERA_GRID = CameraGridFigure(
+    camera="A",
+    columns=25,
+    rows=25,
+    residuals=(9000, 9000),
+    known=600,
+    significant=120,
+    confidence=0.95,
+    expected_by_chance=30.0,
+    significant_jointly=20,
+    largest_um=1.24,
+    rms_um=(0.3, 0.3),
+    noise_um=(0.2, 0.2),
+    signal_um=(0.2, 0.2),
+    correction_rms_um=None,
+)
 
 
 def control(**changed: float) -> GroupFigure:
@@ -280,22 +298,7 @@ def test_every_verdict_on_a_correlation_time_has_its_sentence(
 
 
 def test_systematic_means_and_correlated_neighbours_are_named_by_camera() -> None:
-    grid = CameraGridFigure(
-        camera="A",
-        columns=25,
-        rows=25,
-        residuals=(9000, 9000),
-        known=600,
-        significant=120,
-        confidence=0.95,
-        expected_by_chance=30.0,
-        significant_jointly=20,
-        largest_um=1.24,
-        rms_um=(0.3, 0.3),
-        noise_um=(0.2, 0.2),
-        signal_um=(0.2, 0.2),
-        correction_rms_um=None,
-    )
+    grid = CAMERA_GRID
     rows = pd.DataFrame(
         {
             "camera": ["A", "A", "A", "A", "B"],
@@ -324,17 +327,26 @@ def test_a_correction_is_said_with_what_it_did_to_sigma0() -> None:
     )
     iteration = GridIterationFigure(taken=2, reason="settled", gain=0.1, steps=steps)
     none = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
-    (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=iteration), none)
+    remaining = CorrectionErrorsFigure(heights=5.0)
+    figure = ResidualGridFigure(cameras=(), iteration=iteration, remaining=remaining)
+    sentence, _ = residual_grid_sentences(figure, none)
     assert "corrected 2 times by their mean residuals, which changed σ0 from 1.250 to 1.050; " in sentence
 
 
-def test_corrections_by_mean_residuals_say_that_sigmas_take_them_as_exact() -> None:
+def test_corrections_by_mean_residuals_say_whether_sigmas_contain_what_they_leave() -> None:
     steps = tuple(GridStepFigure(number=k, sigma0=1.2 - 0.2 * k, rms_um=0.3, noise_um=0.2) for k in range(2))
     no_pairs = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
     iteration = GridIterationFigure(taken=1, reason="settled", gain=0.2, steps=steps)
-    (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=iteration), no_pairs)
+    camera = CAMERA_GRID.model_copy(update={"image_error_um": 1.24, "significant": 20})
+    figure = ResidualGridFigure(cameras=(camera,), iteration=iteration)
+    sentence, exact = residual_grid_sentences(figure, no_pairs)
     assert "corrected once by their mean residuals, which changed σ0 from 1.200 to 1.000" in sentence
-    assert "The standard deviations take the corrections as exact" in sentence
+    assert "The standard deviations take the corrections by mean residuals as exact" in exact
+    remaining = CorrectionErrorsFigure(heights=5.04, factor=2.27, parameter="focal_length", entity="A")
+    _, included = residual_grid_sentences(figure.model_copy(update={"remaining": remaining}), no_pairs)
+    assert "include what the corrections by mean residuals leave" in included
+    assert "image errors of 1.2 µm (camera A)" in included
+    assert "5.0 times as large as without, and that of focal_length of A 2.3 times." in included
     none = iteration.model_copy(update={"taken": 0})
     (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=none), no_pairs)
     assert "not corrected" in sentence

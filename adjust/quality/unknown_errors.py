@@ -1,0 +1,49 @@
+"""Errors of everything that is adjusted, other than those of the observations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from adjust.arrays import Floats
+from adjust.observations.base import Linearization
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
+from adjust.solve.full_vectors import FullVectors
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownErrors:
+    """What k independent errors of unit variance change.
+
+    Attributes
+    ----------
+    of_unknowns : errors (u, k) of the adjusted unknowns; in the datum of a free network.
+    of_families : name of the family → (entities, components, k) errors of free and held parameters.
+    """
+
+    of_unknowns: FullVectors
+    of_families: Mapping[str, Floats]
+
+    def of_computed(self, equations: Linearization) -> Floats:
+        """Errors (n, m, k) of what the unknowns compute for observations, in the units of the equations."""
+        errors = np.zeros((*equations.misclosure.shape, self.of_unknowns.count))
+        for term in equations.terms:
+            if term.block == EXTERIOR_ORIENTATION:
+                errors += term.jacobian @ self.of_unknowns.of_exposures[term.index]
+            elif term.block == OBJECT_POINT:
+                errors += term.jacobian @ self.of_unknowns.of_points[term.index]
+            else:
+                errors += term.jacobian @ self.of_families[term.block][term.index]
+        return errors
+
+
+def errors_of_families(layout: ParameterLayout, of_border: Floats) -> dict[str, Floats]:
+    """Errors (e, d, k) of the system parameters by those (g, k) of the free ones; held ones have none."""
+    errors = {}
+    for name, columns in layout.columns.items():
+        errors[name] = np.zeros((*columns.shape, of_border.shape[1]))
+        free = columns >= 0
+        errors[name][free] = of_border[columns[free]]
+    return errors

@@ -1,0 +1,137 @@
+"""Systematic image errors over the format, as mean residuals speak for them.
+
+Mean residuals m of a set of images show what has to be added to its image coordinates, f, through the
+adjustment: m = M f + η, with the noise η of covariance V. f is taken for a sum of random fields f_j of
+different lengths L_j, with the variance s_j² and the correlation exp(−(d/L_j)²) of each coordinate: some over
+the whole format, as lenses have them, some of each CCD image by itself. With roots K_j of their correlation
+matrices
+
+    f = K a,    a ~ N(0, 1),    K = (s_1 K_1, s_2 K_2, …),    C = K Kᵀ
+    f̂ = C Mᵀ (M C Mᵀ + V)⁻¹ m,    Cov(f) = C − C Mᵀ (M C Mᵀ + V)⁻¹ M C
+
+is what has to be expected (collocation; Moritz 1980). The s_j² are those for which m ~ N(0, M C Mᵀ + V) is
+the most probable (maximum likelihood; Koch 1986).
+
+What orientations and object points imitate of f shows in no mean: there the covariance remains what it was.
+Where the means hardly tell an s_j, the search ends early, and so it begins with large ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, optimize
+
+from adjust.arrays import Bools, Floats
+from adjust.residual_grid.format_cells import Division, FormatCells
+
+# Correlation lengths, in parts of the longer side of the format.
+_LENGTHS = (0.1, 0.25, 0.6)
+# Part of the mean variance of the noise that is added to it: what the unknowns imitate has none.
+_FLOOR = 1e-6
+# Columns of a root that add less than this part of the largest variance are left out.
+_SMALL = 1e-4
+# Logarithm of the variance of a signal over that of the noise: where the search begins, and its limits.
+_START, _RANGE = 4.0, (-14.0, 26.0)
+# Part of the logarithm of the probability by which it has to grow in a step.
+_SETTLED = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedField:
+    """What has to be expected of a field at c places: coordinates and cells.
+
+    Attributes
+    ----------
+    sigma : standard deviation of the field before anything is known of it, metres.
+    value : (c,) its most probable values, metres.
+    root : (c, r) root of its covariance, metres.
+    """
+
+    sigma: float
+    value: Floats
+    root: Floats
+
+
+def expected_field(
+    cells: FormatCells, known: Bools, means: Floats, response: Floats, noise: Floats, contained: Floats
+) -> ExpectedField:
+    """The field that mean residuals speak for.
+
+    Parameters
+    ----------
+    known : (2, k) the coordinates and cells that have a mean; the c places in this order.
+    means : (c,) metres.
+    response : (c, c) M.
+    noise : (c, c) V, m².
+    contained : (c, c) projection of any field onto what this one can contain.
+    """
+    c, ways = len(means), (True, False) if cells.tile.any() else (True,)
+    roots = [
+        contained @ _correlation_root(cells, known, length, across) for across in ways for length in _LENGTHS
+    ]
+    lower = np.linalg.cholesky(noise + _FLOOR * np.mean(np.diagonal(noise)) * np.eye(c))
+    observed, through = (linalg.solve_triangular(lower, item, lower=True) for item in (means, response))
+    variance = _variances([through @ root for root in roots], observed)
+    root = np.concatenate([np.sqrt(own) * part for own, part in zip(variance, roots, strict=True)], axis=1)
+    shown = through @ root
+    lower = np.linalg.cholesky(np.eye(c) + shown @ shown.T)
+    told, seen = (linalg.solve_triangular(lower, item, lower=True) for item in (observed, shown))
+    values, vectors = linalg.eigh(root @ (root.T - seen.T @ (seen @ root.T)))
+    left = vectors * np.sqrt(np.maximum(values, 0.0))
+    return ExpectedField(float(np.sqrt(np.sum(variance))), root @ (seen.T @ told), left)
+
+
+def _variances(shown: list[Floats], observed: Floats) -> Floats:
+    """The s_j² (j,).
+
+    Parameters
+    ----------
+    shown, observed : M K_j (c, r) and m (c,), with 1 as the covariance of the noise.
+    """
+    weights = np.array([part @ part.T for part in shown])
+    # Over the variance of the noise, in the mean.
+    size = np.maximum([np.trace(own) / len(own) for own in weights], np.finfo(float).tiny)
+
+    def loss(logarithms: Floats) -> tuple[float, Floats]:
+        """−log of the probability of the means, but for a constant, and its derivatives."""
+        variance = np.exp(logarithms) / size
+        lower = np.linalg.cholesky(np.eye(len(observed)) + np.tensordot(variance, weights, axes=1))
+        half = linalg.solve_triangular(lower, np.eye(len(lower)), lower=True)
+        told, inverse = half.T @ (half @ observed), half.T @ half
+        value = np.sum(np.log(np.diagonal(lower))) + 0.5 * observed @ told
+        own = [np.sum(inverse * weight) - told @ weight @ told for weight in weights]
+        return float(value), 0.5 * variance * np.array(own)
+
+    found = optimize.minimize(
+        loss,
+        np.full(len(shown), _START),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[_RANGE] * len(shown),
+        options={"ftol": _SETTLED},
+    )
+    variance = np.exp(found.x) / size
+    return np.where(found.x > _RANGE[0] + 1.0, variance, 0.0)
+
+
+def _correlation_root(cells: FormatCells, known: Bools, length: float, across: bool) -> Floats:
+    """Root K (c, r) of the correlations of all places; those of x and y have nothing in common.
+
+    exp(−(d/L)²) is a product of those along the two sides, and so is its root.
+    """
+    longer = max(float(np.ptp(side.edges)) for side in (cells.along_x, cells.along_y))
+    of_x, of_y = (_root_along(side, length * longer, across) for side in (cells.along_x, cells.along_y))
+    root = np.kron(of_y, of_x)
+    size = np.sum(root**2, axis=0)
+    root = root[:, size > _SMALL * size.max()]
+    return np.asarray(linalg.block_diag(*(root[own] for own in known)))
+
+
+def _root_along(side: Division, length: float, across: bool) -> Floats:
+    """Root (n, n) of the correlations of the parts of a side."""
+    apart = side.middles[:, None] - side.middles
+    same = across | (side.tile[:, None] == side.tile)
+    values, vectors = linalg.eigh(np.where(same, np.exp(-((apart / length) ** 2)), 0.0))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

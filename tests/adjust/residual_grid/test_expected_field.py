@@ -1,0 +1,78 @@
+"""The field that mean residuals speak for: closed forms, and fields of known variance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from adjust.arrays import Floats
+from adjust.residual_grid.expected_field import ExpectedField, expected_field
+from adjust.residual_grid.format_cells import FormatCells, Seams
+
+HALF = (0.05, 0.04)
+SEAMS = Seams((-0.02, 0.02), (0.0,))
+
+
+def expected(cells: FormatCells, means: Floats, response: Floats, noise: Floats) -> ExpectedField:
+    c = len(means)
+    return expected_field(cells, np.ones((2, cells.count), dtype=bool), means, response, noise, np.eye(c))
+
+
+def drawn(cells: FormatCells, length: float, across: bool, seed: int) -> Floats:
+    """A field of variance 1 (2 k,), its correlations formed from their definition."""
+    random = np.random.default_rng(seed)
+    apart = np.linalg.norm(cells.middles[:, None] - cells.middles, axis=2) / (2.0 * max(HALF))
+    same = across | (cells.tile[:, None] == cells.tile)
+    correlation = np.where(same, np.exp(-((apart / length) ** 2)), 0.0)
+    lower = np.linalg.cholesky(correlation + 1e-9 * np.eye(cells.count))
+    return np.concatenate([lower @ random.normal(size=cells.count) for _ in range(2)])
+
+
+@pytest.mark.parametrize(("length", "across"), [(0.6, True), (0.25, True), (0.6, False), (0.1, False)])
+def test_a_field_is_found_within_its_covariance(length: float, across: bool) -> None:
+    cells, squares, sigma = FormatCells.of(HALF, 9, SEAMS), list[float](), list[float]()
+    c = 2 * cells.count
+    for seed in range(24):
+        random = np.random.default_rng(100 + seed)
+        true = 2.0 * drawn(cells, length, across, seed)
+        found = expected(cells, true + random.normal(0.0, 0.5, c), np.eye(c), 0.25 * np.eye(c))
+        error = found.value - true
+        squares.append(float(np.mean(error**2) / np.mean(np.sum(found.root**2, axis=1))))
+        sigma.append(found.sigma)
+    assert 0.8 < np.mean(squares) < 1.2
+    assert 1.4 < np.mean(sigma) < 2.6
+
+
+def test_what_no_mean_shows_keeps_its_variance() -> None:
+    # The response leaves out the shift of x: everything else is as good as known.
+    cells = FormatCells.of(HALF, 9)
+    k, true = cells.count, 3.0 * drawn(cells := FormatCells.of(HALF, 9), 0.25, True, 4)
+    shift = np.concatenate([np.full(k, 1.0 / np.sqrt(k)), np.zeros(k)])
+    response = np.eye(2 * k) - np.outer(shift, shift)
+    found = expected(cells, response @ true, response, 0.04 * response)
+    spread = found.root.T @ shift
+    error = found.value - true
+    assert np.sqrt(np.mean((error - shift * (shift @ error)) ** 2)) < 0.4
+    # Of the mean of correlated values much remains: the variance of a mean of the format.
+    assert 0.05 < float(spread @ spread) / k < found.sigma**2
+    assert abs(float(shift @ error)) < 3.0 * float(np.sqrt(spread @ spread))
+
+
+def test_noise_alone_is_no_signal() -> None:
+    cells = FormatCells.of(HALF, 9, SEAMS)
+    c = 2 * cells.count
+    found = [
+        expected(cells, np.random.default_rng(seed).normal(size=c), np.eye(c), np.eye(c)) for seed in range(6)
+    ]
+    assert np.mean([item.sigma for item in found]) < 0.3
+    assert max(float(np.mean(np.sum(item.root**2, axis=1))) for item in found) < 0.1
+
+
+def test_scale_and_units_do_not_matter() -> None:
+    cells = FormatCells.of(HALF, 8, SEAMS)
+    c = 2 * cells.count
+    means = drawn(cells, 0.25, True, 1) + np.random.default_rng(1).normal(0.0, 0.3, c)
+    one = expected(cells, means, np.eye(c), 0.09 * np.eye(c))
+    other = expected(cells, 1e-6 * means, np.eye(c), 0.09e-12 * np.eye(c))
+    assert other.sigma == pytest.approx(1e-6 * one.sigma, rel=1e-3)
+    np.testing.assert_allclose(1e6 * other.value, one.value, atol=2e-3)
