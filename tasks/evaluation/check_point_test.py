@@ -68,13 +68,19 @@ def check_point_test(adjusted: AdjustedBlock, confidence: float) -> CheckPointTe
 
 
 def _covariance(adjusted: AdjustedBlock, points: Ints, cofactor: Floats) -> Floats:
-    """Covariances (3, k, k) of the differences along east, north, up, with the survey; m²."""
+    """Covariances (3, k, k) of the differences along east, north, up, with the survey; m².
+
+    Errors of considered parameters and of corrections of the image coordinates are common to all points.
+    """
     surveyed = adjusted.surveyed
     axes = np.array(adjusted.frame.local_from_enu(adjusted.result.state.object_point[points]))
-    of_points = np.einsum("aic,aibj,bjc->cab", axes, cofactor, axes, optimize=True)
+    of_points = adjusted.sigma0**2 * np.einsum("aic,aibj,bjc->cab", axes, cofactor, axes, optimize=True)
+    if (errors := adjusted.result.cofactor.errors_of_unknowns) is not None:
+        along = np.einsum("aic,aik->cak", axes, errors.of_points[points])
+        of_points += along @ np.swapaxes(along, 1, 2)
     name = pd.Index(surveyed.name).get_indexer(pd.Index([adjusted.block.points[point] for point in points]))
     survey = np.diagonal(surveyed.covariance[name], axis1=1, axis2=2)
-    return np.asarray(adjusted.sigma0**2 * of_points + np.einsum("ac,ab->cab", survey, np.eye(len(points))))
+    return np.asarray(of_points + np.einsum("ac,ab->cab", survey, np.eye(len(points))))
 
 
 def _axis_figures(difference: Floats, covariance: Floats, confidence: float) -> dict[str, float | None]:
