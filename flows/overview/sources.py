@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from flows.server.api import Api
@@ -17,7 +18,7 @@ from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
 from tasks.production.board import Board
 from tasks.production.records import Records
-from tasks.production.run_record import RunRecord
+from tasks.production.run_record import RunRecord, project_name
 from tasks.settings.registry import registry_address
 
 if TYPE_CHECKING:
@@ -91,7 +92,8 @@ def server_view(api: Api, now: datetime) -> ServerView:
     if not api.is_well():
         return ServerView(False, (), None)
     try:
-        found = [_queued(run) for run in api.post("/flow_runs/filter", asked)]
+        flows = {flow["id"]: flow["name"] for flow in api.post("/flows/filter", {})}
+        found = [_queued(run, flows) for run in api.post("/flow_runs/filter", asked)]
         count = api.post("/flow_runs/count", due) if len(found) == _MOST else 0
     except InstallationError:
         return ServerView(False, (), None)
@@ -101,16 +103,25 @@ def server_view(api: Api, now: datetime) -> ServerView:
     return ServerView(True, queue, first, max(count - len(queue), 0))
 
 
-def _queued(run: Mapping[str, Any]) -> QueuedRun:
+def _queued(run: Mapping[str, Any], flows: Mapping[str, str]) -> QueuedRun:
     begun = run.get("start_time") if run["state_type"] != "SCHEDULED" else None
     due = run.get("next_scheduled_start_time") or run.get("expected_start_time") or begun or run["created"]
     return QueuedRun(
         str(run["id"]),
-        str(run["name"]),
+        _name(run, flows),
         str(run["state_name"]),
         datetime.fromisoformat(due),
         None if begun is None else datetime.fromisoformat(begun),
     )
+
+
+def _name(run: Mapping[str, Any], flows: Mapping[str, str]) -> str:
+    """Project and story; Prefect names a run of a deployment by chance until it begins."""
+    flow = flows.get(run["flow_id"])
+    if flow is None or run["deployment_id"] is None:
+        return str(run["name"])
+    project = run["parameters"].get("project")
+    return flow if project is None else f"{project_name(Path(str(project)))} · {flow}"
 
 
 T = TypeVar("T")

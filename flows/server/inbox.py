@@ -341,6 +341,7 @@ def _schedule(
     # The server hands back the run there is when it has seen the key before. So nothing is lost or doubled if
     # this process is killed before it can note the run, and one that the server has lost is made again.
     body = {
+        "name": f"{delivery.folder.name} · {story}",
         "parameters": {"project": str(project_file)},
         "idempotency_key": f"delivery-{delivery.key}",
         "tags": ["delivery"],

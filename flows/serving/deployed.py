@@ -182,7 +182,7 @@ def image_quality(project: ProjectParameter, output: OutputParameter = "image-qu
     return _confined("image_quality", project, AS_IN_PROJECT, output, ExaminationRequest)
 
 
-@flow(name="inbox", timeout_seconds=_HOUR_S, persist_result=False)
+@_deployed("inbox", "deliveries · inbox", hours=1)
 def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
     """Start a run for every complete new delivery of the inbox.
 

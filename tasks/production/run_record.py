@@ -152,7 +152,7 @@ def project_name(project_file: Path) -> str:
     """Name of a project: its folder, or its file if that is not called ``project.toml``."""
     if project_file.name == "project.toml" and project_file.parent.name:
         return project_file.parent.name
-    return project_file.stem
+    return project_file.stem if project_file.suffix == ".toml" else project_file.name
 
 
 _MINUTE = 60

@@ -1,4 +1,4 @@
-"""What the production page asks of the server: its whole queue, and nothing of one that hangs."""
+"""What the production page asks of the server: its whole queue, by names, and nothing of one that hangs."""
 
 from __future__ import annotations
 
@@ -29,13 +29,19 @@ class Handler(BaseHTTPRequestHandler):
         asked = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         runs = [
             {
-                "id": f"{number}", "name": f"block-{number}", "state_type": "SCHEDULED", "state_name": "Late",
+                "id": f"{number}", "name": "lucky-boa", "state_type": "SCHEDULED", "state_name": "Late",
+                "deployment_id": "1", "flow_id": "1", "parameters": {"project": f"/data/block.{number}"},
                 "expected_start_time": (NOW - timedelta(minutes=DUE - number)).isoformat(),
             }
             for number in range(min(asked.get("limit", 0), DUE))
         ]  # fmt: skip
-        assert self.path.endswith("/filter") or asked["flow_runs"]["expected_start_time"]
-        self._answer(runs if self.path.endswith("/filter") else DUE)
+        if self.path == "/api/flows/filter":
+            self._answer([{"id": "1", "name": "system-calibration"}, {"id": "2", "name": "inbox"}])
+        elif self.path == "/api/flow_runs/filter":
+            self._answer(runs)
+        else:
+            assert asked["flow_runs"]["expected_start_time"]
+            self._answer(DUE)
 
     def _answer(self, said: object) -> None:
         self.send_response(200)
@@ -60,6 +66,12 @@ def test_all_waiting_runs_are_counted(api: Api) -> None:
     view = server_view(api, NOW)
     assert (view.reachable, len(view.queue) + view.more) == (True, DUE)
     assert f"And {DUE - 25} more." in str(queue_part(view, None, NOW, ""))
+
+
+def test_waiting_runs_are_called_by_project_and_story_as_those_that_have_begun(api: Api) -> None:
+    assert [run.name for run in server_view(api, NOW).queue[:2]] == [
+        "block.0 · system-calibration", "block.1 · system-calibration"
+    ]  # fmt: skip
 
 
 def test_a_server_that_hangs_is_asked_for_a_sign_of_life_only() -> None:

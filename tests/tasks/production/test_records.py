@@ -238,7 +238,8 @@ def test_the_environment_names_the_records(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "name"), [("/data/block-7/project.toml", "block-7"), ("/data/strict.toml", "strict")]
+    ("file", "name"),
+    [("/data/block-7/project.toml", "block-7"), ("/data/strict.toml", "strict"), ("block-7.2", "block-7.2")],
 )
 def test_a_project_is_called_by_its_folder(file: str, name: str) -> None:
     assert project_name(Path(file)) == name
