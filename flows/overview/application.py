@@ -20,7 +20,7 @@ from flows.overview import plots
 from flows.overview.access import add_results, guard, page_policy
 from flows.overview.layout import cards, no_projects, page, revision_data
 from flows.overview.metrics import add_metrics
-from flows.overview.project_grid import GRID, row_data
+from flows.overview.project_grid import GRID, columns_for, row_data
 from flows.overview.run_tables import detail_part, failures_part, queue_part
 from flows.overview.sources import Sources
 from tasks.errors import AerocalError
@@ -179,7 +179,8 @@ def _news(changes: Changes) -> Any:
     if changes.is_empty:
         return no_update
     rows = [row_data(row) for row in changes.rows]
-    return {"whole": changes.whole, "rows": rows, "removed": list(changes.removed)}
+    columns = columns_for(changes.rows)
+    return {"whole": changes.whole, "rows": rows, "removed": list(changes.removed), "columns": columns}
 
 
 def _plot(figure: dict[str, Any] | None, without: str, name: str | dict[str, str]) -> Any:

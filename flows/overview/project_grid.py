@@ -20,6 +20,7 @@ STORY_LABELS: Mapping[str, str] = {
     "image-quality": "image quality",
 }
 Column = dict[str, Any]
+_TRUSTED = {"plan": "in plan", "height": "in height"}
 _THEME = (
     "themeQuartz.withParams({fontFamily: 'system-ui, DejaVu Sans, sans-serif', "
     "fontSize: 13, headerFontSize: 12, "
@@ -64,9 +65,20 @@ def project_grid(rows: Sequence[ProjectRow], dashboard: str) -> dag.AgGrid:
     )
 
 
+def columns_for(rows: Sequence[ProjectRow]) -> tuple[str, ...]:
+    """Columns that not every project needs, of those which these do: stages, and figures of trust maps."""
+    stages = {stage for row in rows for stage in (*stages_of(row.run.story), *row.stages)}
+    figures = {
+        f"trust_{name}"
+        for name in _TRUSTED
+        if any(getattr(row.run.figures, f"trust_map_{name}_m") is not None for row in rows)
+    }
+    return (*(stage for stage in STAGES if stage in stages), *sorted(figures))
+
+
 def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
-    """The columns; stages that no project has are hidden."""
-    used = {stage for row in rows for stage in (*stages_of(row.run.story), *row.stages)}
+    """The columns; those that no project needs are hidden."""
+    used = columns_for(rows)
     return [
         {"field": "project", "headerName": "Project", "pinned": "left", "width": 164, "tooltipField": "file",
          "cellClass": "project"},
@@ -85,8 +97,8 @@ def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
         _figure("rmse_z", "RMSE z [m]", "RMSE of the check points, z [m]", 62),
         *(
             _figure(f"trust_{name}", f"σ new {name} [m]", f"Trust map: σ of new points {words}", 70)
-            | {"hide": not any(getattr(row.run.figures, f"trust_map_{name}_m") is not None for row in rows)}
-            for name, words in (("plan", "in plan"), ("height", "in height"))
+            | {"hide": f"trust_{name}" not in used}
+            for name, words in _TRUSTED.items()
         ),
         {"field": "gates", "headerName": "Gates passed", "width": 148, "cellRenderer": "GatesCell",
          "tooltipField": "gates", "comparator": {"function": "byGates"}},
@@ -134,7 +146,7 @@ def _figure(field: str, label: str, told: str, width: int) -> Column:
 _GATE_OF_COLUMN = {
     "sigma0": "sigma0",
     **{f"rmse_{axis}": f"rmse_check_m_{axis}" for axis in "xyz"},
-    **{f"trust_{name}": f"trust_map_{name}_m" for name in ("plan", "height")},
+    **{f"trust_{name}": f"trust_map_{name}_m" for name in _TRUSTED},
 }
 
 

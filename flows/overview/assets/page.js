@@ -15,6 +15,8 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
     /* Answers may come twice or late: what is there already is replaced, never added again. */
     news: function (news) {
       if (news) window.dash_ag_grid.getApiAsync("projects").then((grid) => {
+        /* The first project with a stage may come while the page is open. */
+        grid.setColumnsVisible(news.columns, true);
         if (news.whole) {
           grid.setGridOption("rowData", news.rows);
           return;

@@ -46,3 +46,22 @@ def test_a_page_knows_how_old_things_are_and_when_its_server_is_silent(
         _ticks(page)
     expect(page.locator("#silent")).to_contain_text("No answer for")
     page.close()
+
+
+def test_stages_of_the_first_project_come_to_a_page_that_is_open(
+    sources: Sources, records: Records, browser: Browser
+) -> None:
+    page, port = (
+        browser.new_page(extra_http_headers={"Authorization": basic(DOOR.password)}),
+        free_port("127.0.0.1"),
+    )
+    with page_server(sources, "127.0.0.1", port):
+        page.goto(f"http://127.0.0.1:{port}/")
+        expect(page.locator("#said")).to_contain_text("refreshed", timeout=60_000)
+        assert "adjustment" not in page.locator(".ag-header").inner_text()
+        ended(records, run("block-7"))
+        expect(page.locator(".ag-row .stage-done").first).to_be_visible(timeout=30_000)
+        assert {"adjustment", "report", "σ new height [m]"} <= set(
+            page.locator(".ag-header").inner_text().split("\n")
+        )
+    page.close()
