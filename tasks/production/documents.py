@@ -16,7 +16,7 @@ from tasks.errors import AerocalError, InputError
 from tasks.files.delivered_file import lies_under, read_delivered
 from tasks.production.records import Records
 from tasks.production.run_record import PUBLISHING, RunRecord
-from tasks.results.manifest import Manifest, read_manifest
+from tasks.results.manifest import read_manifest
 
 #: Kinds of files that are handed out, by the ending of the name.
 MEDIA_TYPES = {
@@ -65,8 +65,7 @@ class Document:
 
 def documents_of(run: RunRecord, folders: Sequence[Path]) -> tuple[str, ...]:
     """Names of the documents in the output folder of a run, according to the manifest."""
-    manifest = _manifest(run, folders)
-    return () if manifest is None else _names(manifest)
+    return tuple(sorted(_digests(run, folders) or ()))
 
 
 def read_document(records: Records, run_id: str, name: str, folders: Sequence[Path]) -> Document:
@@ -90,20 +89,20 @@ def read_document(records: Records, run_id: str, name: str, folders: Sequence[Pa
         raise NoDocumentError("There is no run with this number.", "Use the links of the production page.")
     if not records.holds_results(run):
         raise NoDocumentError(*_without_results(run))
-    manifest = _manifest(run, folders)
-    if manifest is None:
+    digests = _digests(run, folders)
+    if digests is None:
         raise NoDocumentError(
             f"The results of {run.project} are outside the folders that this server may read.",
             f"They were written into {run.directory}.",
         )
-    if not _NAME.fullmatch(name) or name not in _names(manifest):
-        known = ", ".join(_names(manifest)) or "none"
+    if name not in digests:
+        known = ", ".join(sorted(digests)) or "none"
         raise NoDocumentError(
-            "This run has not written a document with this name.", f"Documents of {run.project}: {known}."
+            "This run has not written a document with this name, or another run has replaced it.",
+            f"Documents of this run of {run.project}: {known}.",
         )
-    digest = next(entry.sha256 for entry in manifest.artifacts.values() if entry.file == name)
     content = _content(run, name, folders)
-    if hashlib.sha256(content).hexdigest() != digest:
+    if hashlib.sha256(content).hexdigest() != digests[name]:
         raise ChangedDocumentError(
             f"{name} of {run.project} was changed after the run and is not shown.",
             "Run the project again: completed stages are reused, and the file is written again.",
@@ -117,16 +116,25 @@ def _without_results(run: RunRecord) -> tuple[str, str]:
     return f"A later run has replaced these results of {run.project}.", "Read those of the later run."
 
 
-def _manifest(run: RunRecord, folders: Sequence[Path]) -> Manifest | None:
+def _digests(run: RunRecord, folders: Sequence[Path]) -> dict[str, str] | None:
+    """Digests of the documents of a run, by name; None: it has no manifest under the folders.
+
+    A run that is not on record (``--server none``) may have written into the folder since.
+    """
     directory = Path(run.directory)
     if not run.directory or not lies_under(directory / "manifest.json", folders):
         return None
-    return read_manifest(directory)
-
-
-def _names(manifest: Manifest) -> tuple[str, ...]:
-    files = (entry.file for entry in manifest.artifacts.values())
-    return tuple(sorted(file for file in files if _NAME.fullmatch(file) and Path(file).suffix in MEDIA_TYPES))
+    manifest = read_manifest(directory)
+    if manifest is None:
+        return None
+    made = {one.key for one in run.stages if one.key}
+    return {
+        entry.file: entry.sha256
+        for entry in manifest.artifacts.values()
+        if _NAME.fullmatch(entry.file)
+        and Path(entry.file).suffix in MEDIA_TYPES
+        and (entry.key in made or not made)
+    }
 
 
 def _content(run: RunRecord, name: str, folders: Sequence[Path]) -> bytes:

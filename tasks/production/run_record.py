@@ -56,11 +56,13 @@ class StageTime:
     stage : its name.
     seconds : that it took.
     reused : whether its output was there already.
+    key : of that output in the store; "": an earlier version has not noted it.
     """
 
     stage: str
     seconds: float
     reused: bool
+    key: str = ""
 
 
 def _otherwise(missing: object) -> WrapValidator:

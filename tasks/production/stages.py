@@ -126,7 +126,7 @@ def stages_since(directory: Path, begun: datetime | None) -> tuple[StageTime, ..
     try:
         records = read_records(Store.of(directory).folder)
         return tuple(
-            StageTime(one.stage, one.seconds, one.reused)
+            StageTime(one.stage, one.seconds, one.reused, one.key)
             for one in records
             if begun is None or datetime.fromisoformat(one.started) >= begun
         )

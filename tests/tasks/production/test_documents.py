@@ -11,7 +11,7 @@ import pytest
 from tasks.files.json_text import read_json, replace_json
 from tasks.production.documents import ChangedDocumentError, NoDocumentError, documents_of, read_document
 from tasks.production.records import Records
-from tasks.production.run_record import RunRecord
+from tasks.production.run_record import RunRecord, StageTime
 from tasks.store.artifact import digest_of_file
 from tests.tasks.production.runs import ended, run
 
@@ -36,6 +36,13 @@ def published(records: Records, root: Path) -> RunRecord:
 
 
 def publish(records: Records, folder: Path, hours: float = 0.0) -> RunRecord:
+    write_results(folder, "0")
+    done = (StageTime("report", 1.0, False, "0"),)
+    return ended(records, run("block", hours, directory=str(folder)), done=done)
+
+
+def write_results(folder: Path, key: str) -> None:
+    """Results whose report is the output of a key."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "report.html").write_bytes(REPORT)
     (folder / "images.parquet").write_bytes(b"PAR1")
@@ -46,7 +53,7 @@ def publish(records: Records, folder: Path, hours: float = 0.0) -> RunRecord:
             "sha256": digest_of_file(folder / name),
             "rows": None,
             "stage": "report",
-            "key": "0",
+            "key": key,
         }
         for name in ("report.html", "images.parquet")
     }
@@ -55,7 +62,6 @@ def publish(records: Records, folder: Path, hours: float = 0.0) -> RunRecord:
         "versions": {}, "times": {},
     }  # fmt: skip
     replace_json(folder / "manifest.json", manifest)  # type: ignore[arg-type]
-    return ended(records, run("block", hours, directory=str(folder)))
 
 
 def test_a_document_is_shown_as_it_was_written(records: Records, published: RunRecord, root: Path) -> None:
@@ -144,6 +150,18 @@ def test_results_that_a_later_run_has_replaced_are_not_shown_as_its_own(
     with pytest.raises(NoDocumentError, match="A later run has replaced"):
         read_document(records, published.id, "report.html", (root,))
     assert read_document(records, later.id, "report.html", (root,)).content == REPORT
+
+
+def test_the_report_of_a_run_that_is_not_on_record_is_not_shown_as_that_of_another(
+    records: Records, published: RunRecord, root: Path
+) -> None:
+    """Beside the figures of the run on record would be a report with others."""
+    write_results(Path(published.directory), "1")
+    assert documents_of(published, (root,)) == ()
+    with pytest.raises(NoDocumentError, match="another run has replaced it"):
+        read_document(records, published.id, "report.html", (root,))
+    write_results(Path(published.directory), "0")
+    assert read_document(records, published.id, "report.html", (root,)).content == REPORT
 
 
 def test_a_run_without_results_has_no_documents(records: Records, published: RunRecord, root: Path) -> None:
