@@ -106,7 +106,8 @@ class Answers:
         since = {
             run.id
             for run in failed
-            if (last := passed.get((run.project_file, run.story))) is not None and last > run.scheduled
+            if (last := passed.get((run.project_file, run.story))) is not None
+            and last > (run.ended or run.scheduled)
         }
         sigma0, rmse = plots.sigma0_figure(shown), plots.rmse_figure(shown)
         return (

@@ -215,7 +215,10 @@ class Records(Database):
     def latest(self) -> tuple[LatestRun, ...]:
         """The latest run of every story on every project file, without the parts that are slow to read."""
         alike = (RUNS.c.project_file, RUNS.c.project, RUNS.c.story)
-        newest_first = (RUNS.c.scheduled.desc(), RUNS.c.id)
+        waits = RUNS.c.begun.is_(None) & RUNS.c.ended.is_(None)
+        # One that somebody has started again is later than what was scheduled after it.
+        begun = func.coalesce(RUNS.c.begun, RUNS.c.scheduled)
+        newest_first = (waits.desc(), begun.desc(), RUNS.c.scheduled.desc(), RUNS.c.id)
         ranked = select(
             RUNS.c.id, RUNS.c.state, RUNS.c.begun, RUNS.c.ended, RUNS.c.attempts,
             func.row_number().over(partition_by=alike, order_by=newest_first).label("place"),

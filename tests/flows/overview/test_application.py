@@ -266,11 +266,15 @@ def test_failures_say_whether_the_project_has_passed_since(
     ended(records, run("block-1"), "InputError", "exposures.csv is not there.")
     ended(records, run("block-2"), "InputError", "control.csv is not there.")
     ended(records, run("block-1", hours=1))
+    ended(records, run("block-3"))
+    # It was requested before the one that passed, and has waited for longer.
+    ended(records, run("block-3", hours=-1), "NotComputable", "No convergence.")
     client = browse(sources)
     refreshed(client, {"board": "", "number": 0})
     told = texts(asked(client, "failures.children", [None], [])["failures"]["children"])
     assert "exposures.csv is not there. A later run has passed." in told
     assert "control.csv is not there." in told
+    assert "No convergence." in told
     assert told.count("A later run has passed.") == 1
 
 

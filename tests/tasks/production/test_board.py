@@ -160,3 +160,15 @@ def test_a_summary_of_another_aerocal_is_no_reason_to_show_nothing(records: Reco
     row = only(Board(records).changes(None).rows)
     told = row.run.figures
     assert (told.sigma0, told.rmse_check_m, told.gates, row.problem) == (None, (None, None, None), (), None)
+
+
+def test_a_run_that_somebody_has_started_again_is_the_latest(records: Records) -> None:
+    first = ended(records, run(hours=0))
+    second = ended(records, run(hours=1), "NotComputable", "No convergence.")
+    assert only(Board(records).changes(None).rows).run == second
+    again = ended(records, first)
+    row = only(Board(records).changes(None).rows)
+    assert (row.run, row.runs, row.documents) == (again, 2, ("report.html",))
+    waiting = run(hours=0.5)
+    records.schedule(waiting)
+    assert only(Board(records).changes(None).rows).run == waiting
