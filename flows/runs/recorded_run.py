@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
@@ -85,13 +86,19 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
     return outcome
 
 
-def note_refusal(identity: FlowRunIdentity, project: str, message: str) -> None:
-    """Record a run that was refused before there was a project file."""
+def note_refusal(identity: FlowRunIdentity, project: str | Path, message: str) -> None:
+    """Record a run that was refused before it began.
+
+    Parameters
+    ----------
+    project : its file; a text: as given, where there is none.
+    """
     records = configured_records()
     if records is None:
         return
-    now = datetime.now(UTC)
-    run = RunRecord(identity.id, project, "", "", identity.story, "Running", "", now, begun=now)
+    run = RunRecord.of(identity.id, Path(project), identity.story, "Running")
+    if isinstance(project, str):
+        run = replace(run, project=project, project_file="")
 
     def write() -> None:
         records.begin(run)

@@ -32,16 +32,18 @@ def text_of_outcome(outcome: RunOutcome, request: RunRequest, identity: FlowRunI
     )
 
 
-def text_of_refusal(project: str, state: State, message: str, identity: FlowRunIdentity) -> ShortText:
+def text_of_refusal(
+    project: str | Path, state: State, message: str, identity: FlowRunIdentity
+) -> ShortText:
     """The text of a run that has no outcome.
 
     Parameters
     ----------
-    project : as given.
+    project : its file; a text: as given, where there is none.
     """
     place = Path(project)
-    folder = place.parent if place.suffix == ".toml" else place
-    return ShortText(folder.name or project, place, identity.story, state, message, links=_page())
+    name = project_name(place) or str(project)
+    return ShortText(name, place, identity.story, state, message, links=_page())
 
 
 def _page() -> list[tuple[str, str]]:

@@ -105,17 +105,18 @@ def _confined(
     requested: type[RunRequest] = RunRequest,
 ) -> State[None]:
     """Run a story on a project under the configured folders."""
+    about: str | Path = project
     try:
         roots = configured_roots()
-        file = roots.project_file(project)
+        about = file = roots.project_file(project)
         out = roots.output_folder(file, output)
         address = configured_results(file, output, roots)
         request = requested(file, out, settings.overrides(), roots=roots.folders, address=address)
         outcome = carry_out_recorded(story_named(story), request, identity())
     except (InputError, InstallationError) as error:
         if isinstance(error, InputError):
-            note_refusal(identity(), project, str(error))
-        show(text_of_refusal(project, state_name(error), str(error), identity()))
+            note_refusal(identity(), about, str(error))
+        show(text_of_refusal(about, state_name(error), str(error), identity()))
         return _failed(error)
     show(text_of_outcome(outcome, request, identity()))
     return state_of(outcome)

@@ -6,8 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from flows.server.roots import RESULTS_VARIABLE, Roots, configured_results, results_of_server, roots_of
+from flows.server.roots import (
+    RESULTS_VARIABLE,
+    ROOTS_VARIABLE,
+    Roots,
+    as_variable,
+    configured_results,
+    results_of_server,
+    roots_of,
+)
 from tasks.errors import InputError
+from tasks.production.outbox import Outbox
+from tasks.production.records import Records
+from tasks.production.variable import RECORDS_VARIABLE
 
 TOLD = {RESULTS_VARIABLE: "s3://surveys/production"}
 
@@ -58,3 +69,26 @@ def test_folders_of_one_name_would_share_places_and_are_refused(roots: Roots, tm
     alike = roots_of([*roots.folders, tmp_path / "other" / "inbox"])
     with pytest.raises(InputError, match="Two folders are named 'inbox'"):
         results_of_server("s3://surveys/production", alike)
+
+
+@pytest.mark.prefect
+def test_a_refused_run_stays_that_of_its_project(
+    roots: Roots, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever reads the notice looks for the project, and the page for its other runs."""
+    from flows.serving import deployed
+
+    file, records = tmp_path / "projects" / "a#b" / "project.toml", Records.at(str(tmp_path / "r.sqlite"))
+    file.touch()
+    told = {
+        **TOLD, ROOTS_VARIABLE: as_variable(roots), RECORDS_VARIABLE: str(tmp_path / "r.sqlite"),
+        "PREFECT_API_URL": "http://127.0.0.1:9/api",
+    }  # fmt: skip
+    for name, value in told.items():
+        monkeypatch.setenv(name, value)
+    assert deployed.aerial_triangulation.fn("a#b").name == "InputError"
+    (run,) = records.runs()
+    assert (run.project, run.project_file, run.state) == ("a#b", str(file.resolve()), "InputError")
+    (notice,) = Outbox(records).waiting()
+    assert notice.subject.startswith("InputError: a#b (")
+    assert "is not allowed in an address" in notice.message
