@@ -18,7 +18,7 @@ from waitress.wasyncore import poll
 
 from flows.overview import plots
 from flows.overview.access import add_results, guard, page_policy
-from flows.overview.layout import cards, no_projects, page, revision_data
+from flows.overview.layout import cards, local_time, no_projects, page, revision_data
 from flows.overview.metrics import add_metrics
 from flows.overview.project_grid import GRID, columns_for, row_data
 from flows.overview.run_tables import detail_part, failures_part, queue_part
@@ -172,7 +172,7 @@ def _state_of_server(reachable: bool, now: datetime) -> list[Any]:
     answers = (
         html.Span("server answers") if reachable else html.Span("server DOES NOT ANSWER", className="down")
     )
-    return [answers, html.Span(f"refreshed {now.astimezone():%H:%M:%S}")]
+    return [answers, html.Span(f"refreshed {local_time(now, '%H:%M:%S')}")]
 
 
 def _news(changes: Changes) -> Any:

@@ -161,6 +161,11 @@ def cards(rows: Sequence[ProjectRow], due: int | None, now: datetime) -> list[Pa
     return shown
 
 
+def local_time(time: datetime, form: str) -> str:
+    """A time in the time zone of the server, with the name of that zone."""
+    return f"{time.astimezone():{form} %Z}"
+
+
 def in_words(seconds: float) -> str:
     """A span of time in one unit."""
     for size, unit, most in ((1, "s", 99.5), (60, "min", 99 * 60), (3600, "h", 36 * 3600)):

@@ -79,7 +79,8 @@ def _gate_strokes(rows: Sequence[ProjectRow], gate: str, name: str, colour: str 
 
 
 def _ends(rows: Sequence[ProjectRow]) -> list[str]:
-    return [row.changed.isoformat(timespec="seconds") for row in rows]
+    # As the other times of the page; Plotly would show UTC.
+    return [f"{row.changed.astimezone():%Y-%m-%dT%H:%M:%S}" for row in rows]
 
 
 def _points(name: str, x: list[str], y: list[Any], marker: Figure, told: str, **more: Any) -> Figure:

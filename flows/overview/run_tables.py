@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 from dash import html
 
-from flows.overview.layout import in_words, new_tab
+from flows.overview.layout import in_words, local_time, new_tab
 from flows.overview.project_grid import STORY_LABELS
 from flows.overview.sources import QueuedRun, ServerView
 from flows.server.inbox import Scheduled
@@ -37,8 +37,8 @@ def queue_part(view: ServerView, inbox: Scheduled | None, now: datetime, dashboa
     if more:
         parts.append(html.P(f"And {more:,} more."))
     if view.next is not None:
-        due, ahead = view.next.due.astimezone(), (view.next.due - now).total_seconds()
-        when = f" at {due:%a %d %b %H:%M} (in {in_words(ahead)})."
+        due, ahead = local_time(view.next.due, "%a %d %b %H:%M"), (view.next.due - now).total_seconds()
+        when = f" at {due} (in {in_words(ahead)})."
         parts.append(html.P(["Next by schedule: ", run_link(dashboard, view.next.run, view.next.name), when]))
     if not view.reachable:
         parts.append(html.P("The server does not answer; this is based on the records."))
@@ -119,7 +119,7 @@ def detail_part(
         rows = [_gate(gate) for gate in run.figures.gates]
         parts += [html.H3("Gates"), _table(("Figure", "Value", "Limit", ""), rows)]
     older = [
-        _ended(one, f"{one.scheduled.astimezone():%Y-%m-%d %H:%M}", now, dashboard)
+        _ended(one, local_time(one.scheduled, "%Y-%m-%d %H:%M"), now, dashboard)
         for one in runs
         if one.id != run.id
     ]

@@ -32,9 +32,7 @@ def text_of_outcome(outcome: RunOutcome, request: RunRequest, identity: FlowRunI
     )
 
 
-def text_of_refusal(
-    project: str | Path, state: State, message: str, identity: FlowRunIdentity
-) -> ShortText:
+def text_of_refusal(project: str | Path, state: State, message: str, identity: FlowRunIdentity) -> ShortText:
     """The text of a run that has no outcome.
 
     Parameters

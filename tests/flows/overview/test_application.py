@@ -8,18 +8,21 @@ import json
 import re
 import socket
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 from urllib.request import Request, urlopen
+from zoneinfo import ZoneInfo
 
 import pytest
 from flask.testing import FlaskClient
 
 from flows.overview.application import page_server
-from flows.overview.sources import Sources
+from flows.overview.run_tables import queue_part
+from flows.overview.sources import QueuedRun, ServerView, Sources
 from flows.server.inbox import Scheduled
 from tasks.production.notice import Links
 from tasks.production.outbox import Outbox
@@ -276,6 +279,35 @@ def test_failures_say_whether_the_project_has_passed_since(
     assert "control.csv is not there." in told
     assert "No convergence." in told
     assert told.count("A later run has passed.") == 1
+
+
+@pytest.fixture
+def far_west(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A server in another time zone than UTC."""
+    monkeypatch.setenv("TZ", "America/Denver")
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.usefixtures("far_west")
+def test_times_are_those_of_one_zone_which_is_named(
+    sources: Sources, browse: Browse, records: Records
+) -> None:
+    first, second = ended(records, run("block-1")), ended(records, run("block-1", hours=1))
+    client = browse(sources)
+    assert second.ended is not None
+    here = second.ended.astimezone(ZoneInfo("America/Denver"))
+    said = texts(refreshed(client, {"board": "", "number": 0})["said"]["children"])
+    assert re.search(r"refreshed \d\d:\d\d:\d\d M[SD]T$", said)
+    detail = texts(asked(client, "detail.children", [[{"run": second.id}]], [])["detail"]["children"])
+    assert f"{first.scheduled.astimezone(ZoneInfo('America/Denver')):%Y-%m-%d %H:%M} MST" in detail
+    drawn = json.dumps(asked(client, "sigma0-trend.children", [None], []))
+    assert f'"x": ["{here:%Y-%m-%dT%H:%M:%S}"]' in drawn
+    due = QueuedRun("1", "inbox", "Scheduled", datetime(2026, 7, 1, 7, 30, tzinfo=UTC), None)
+    queue = str(queue_part(ServerView(True, (), due), None, datetime(2026, 7, 1, tzinfo=UTC), ""))
+    assert "Wed 01 Jul 01:30 MDT (in 8 h)" in queue
 
 
 def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> None:
