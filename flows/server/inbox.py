@@ -133,9 +133,7 @@ def read_inbox(
     for one, marked in found.items():
         trouble = marked
         if isinstance(marked, Delivery):
-            if marked.key not in runs and marked not in known:
-                known[marked] = _trouble_of_listed(one, roots, is_over)
-            trouble = known.get(marked)
+            trouble = None if marked.key in runs else _trouble_of_listed(marked, roots, known, is_over)
             if trouble is None:
                 complete.append(marked)
         if isinstance(trouble, str):
@@ -178,11 +176,16 @@ def _trouble(folder: Path, roots: Roots) -> str | None:
     return None
 
 
-def _trouble_of_listed(folder: Path, roots: Roots, is_over: Callable[[], bool]) -> str | None:
+def _trouble_of_listed(
+    delivery: Delivery, roots: Roots, known: dict[Delivery, str | None], is_over: Callable[[], bool]
+) -> str | None:
     """Why the files listed in the marker file are incomplete; None: they are complete."""
     try:
-        return _trouble_of_lines(folder, roots, is_over)
+        if delivery not in known:
+            known[delivery] = _trouble_of_lines(delivery.folder, roots, is_over)
+        return known[delivery]
     except OSError as error:
+        # Of a disk that does not answer for a moment; the next look reads again.
         return f"It cannot be read ({error.strerror or error})."
 
 

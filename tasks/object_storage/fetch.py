@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import require_folder
 from tasks.files.installation import InstallationError, writing_into
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.workspace import ObjectWorkspace, PublishedEntry
@@ -50,11 +51,12 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
     Raises
     ------
     InputError
-        If there are no results at the address.
+        If there are no results at the address, or the folder is a file.
     InstallationError
         If the storage does not answer or refuses, an object is missing or damaged, or the folder cannot be
         written.
     """
+    require_folder(directory)
     workspace = ObjectWorkspace.at(address)
     workspace.require_access()
     manifest = workspace.manifest()

@@ -132,6 +132,17 @@ def test_listed_files_are_read_once_as_long_as_nothing_changes(inbox: Path) -> N
     assert "differs from its digest" in again.refused[block]
 
 
+def test_a_file_that_cannot_be_read_for_a_moment_is_read_again(inbox: Path) -> None:
+    block, known = inbox / "block-1", dict[Delivery, str | None]()
+    # The system refuses to read it.
+    (block / "exposures.csv").unlink()
+    (block / "exposures.csv").symlink_to("/proc/self/mem")
+    (block / MARKER).write_text(f"{'0' * 64}  exposures.csv\n")
+    found = read_inbox(inbox, roots_of([inbox, Path("/proc/self")]), known)
+    assert found.refused[block] == "It cannot be read (Input/output error)."
+    assert known == {}
+
+
 def test_a_damaged_file_that_is_replaced_is_read_though_size_and_time_are_the_same(inbox: Path) -> None:
     block = inbox / "block-1"
     (block / MARKER).write_text(listed(block))
