@@ -91,9 +91,10 @@ def read_document(records: Records, run_id: str, name: str, folders: Sequence[Pa
         raise NoDocumentError(*_without_results(run))
     digests = _digests(run, folders)
     if digests is None:
+        there = lies_under(Path(run.directory), folders)
+        where = "no longer where they were" if there else "outside the folders that this server may read"
         raise NoDocumentError(
-            f"The results of {run.project} are outside the folders that this server may read.",
-            f"They were written into {run.directory}.",
+            f"The results of {run.project} are {where}.", f"They were written into {run.directory}."
         )
     if name not in digests:
         known = ", ".join(sorted(digests)) or "none"

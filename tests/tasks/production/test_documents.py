@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import uuid
 from pathlib import Path
 
@@ -131,6 +132,14 @@ def test_results_outside_the_folders_are_named_and_not_shown(records: Records, t
     with pytest.raises(NoDocumentError, match="outside the folders that this server may read"):
         read_document(records, elsewhere.id, "report.html", (tmp_path / "root",))
     assert documents_of(elsewhere, (tmp_path / "root",)) == ()
+
+
+def test_results_that_were_removed_are_not_said_to_be_elsewhere(
+    records: Records, published: RunRecord, root: Path
+) -> None:
+    shutil.rmtree(published.directory)
+    with pytest.raises(NoDocumentError, match="are no longer where they were"):
+        read_document(records, published.id, "report.html", (root,))
 
 
 def test_a_pipe_in_place_of_a_report_holds_nobody_up(
