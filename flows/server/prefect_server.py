@@ -16,7 +16,6 @@ from __future__ import annotations
 import os
 from collections.abc import MutableMapping
 from typing import Any, cast
-from urllib.parse import urlsplit
 
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -119,7 +118,7 @@ def main() -> None:
     from prefect.settings import get_current_settings
 
     settings = get_current_settings().server.api
-    pages = _PagePolicy(server.create_app(final=True), os.environ.get("PREFECT_SERVER_UI_API_URL", ""))
+    pages = _PagePolicy(server.create_app(final=True))
     # Around the application: what the server asks itself (automations) comes through no door.
     uvicorn.run(
         Guard(pages, door),
@@ -188,33 +187,21 @@ def leave_the_login_to_the_door() -> None:
     vars(server)["UISettings"] = Settings
 
 
-def _connections_policy(api: str) -> str:
-    """What the pages may connect to, as a Content-Security-Policy.
-
-    Parameters
-    ----------
-    api : address of the API as browsers know it; only its path, or "", if it is that of the page.
-    """
-    parts = urlsplit(api)
-    places = ["'self'"]
-    if parts.netloc:
-        socket = {"http": "ws", "https": "wss"}[parts.scheme]
-        places += [f"{parts.scheme}://{parts.netloc}", f"{socket}://{parts.netloc}"]
-    return f"connect-src {' '.join(places)}; object-src 'none'; base-uri 'self'; frame-ancestors 'self'"
+_POLICY = b"connect-src 'self'; object-src 'none'; base-uri 'self'; frame-ancestors 'self'"
 
 
 class _PagePolicy:
     """Has every page of the dashboard speak to this server only: adds the policy to every HTML answer."""
 
-    def __init__(self, app: Any, api: str) -> None:
-        self.app, self.policy = app, _connections_policy(api).encode()
+    def __init__(self, app: Any) -> None:
+        self.app = app
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         async def send_with_policy(message: Any) -> None:
             if message["type"] == "http.response.start":
                 headers = message.setdefault("headers", [])
                 if any(name == b"content-type" and value.startswith(b"text/html") for name, value in headers):
-                    headers.append((b"content-security-policy", self.policy))
+                    headers.append((b"content-security-policy", _POLICY))
             await send(message)
 
         await self.app(scope, receive, send_with_policy if scope["type"] == "http" else send)

@@ -8,7 +8,6 @@ import re
 import socket
 from collections.abc import Mapping
 from dataclasses import dataclass
-from urllib.parse import urlsplit
 
 from flows.server.door import DOOR_VARIABLE, Door
 from tasks.files.installation import InstallationError
@@ -116,7 +115,7 @@ def server_environment(
         SERVER_PASSWORD: door.password,
         DOOR_VARIABLE: door.as_variable(),
         # That of the page itself, so that every name of this machine will do.
-        "PREFECT_SERVER_UI_API_URL": f"{urlsplit(address.dashboard).path.rstrip('/')}/api",
+        "PREFECT_SERVER_UI_API_URL": "/api",
         # Pages of other origins may not start runs through the browser of somebody who is here.
         "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": address.dashboard,
         "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",

@@ -36,6 +36,7 @@ from flows.server.state_file import STATE_VARIABLE, state_folder
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
 from tasks.object_storage.address import ObjectAddress
+from tasks.plain_text import visible
 from tasks.production.notice import USUAL, NoticeKind, wanted_kinds
 from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.settings.registry import REGISTRY_VARIABLE
@@ -144,7 +145,7 @@ def settings_of(given: Mapping[str, Any]) -> Settings:
     ------
     InputError
         If a folder does not exist, both ports are the same, the registry lies outside the folders, or the
-        story, a schedule, the time zone or the address of results is none.
+        story, a schedule, the time zone, an address of a page or that of results is none.
     InstallationError
         If the object storage of the results does not answer or refuses.
     """
@@ -226,5 +227,11 @@ def _web_address(option: str, text: str | None) -> str | None:
     if parts.scheme not in ("http", "https") or not parts.hostname or parts.query or parts.fragment:
         raise InputError(
             f"{option} is not the address of a web page.", "Write e.g. https://aerocal.example.org."
+        )
+    if parts.path.strip("/"):
+        # The pages ask for their parts at the root of their host.
+        raise InputError(
+            f"{option} contains a path ({visible(parts.path)}).",
+            "Give each page a host name or a port of its own in the proxy.",
         )
     return text.rstrip("/")

@@ -180,7 +180,8 @@ def test_browsers_are_told_an_address_they_can_open(tmp_path: Path) -> None:
     page = options(tmp_path, host="0.0.0.0", public_overview_url="https://production.example.org/").overview
     assert (page.dashboard, page.host) == ("https://production.example.org", "0.0.0.0")
     assert ServerAddress("0.0.0.0", 4200).dashboard == f"http://{socket.gethostname()}:4200"
-    for text in ("aerocal.example.org", "ftp://example.org", "https://", "javascript:alert(1)"):
+    paths = ("https://example.org/aerocal", "https://example.org/aerocal/")
+    for text in ("aerocal.example.org", "ftp://example.org", "https://", "javascript:alert(1)", *paths):
         with pytest.raises(InputError, match="--public-url"):
             options(tmp_path, public_url=text)
         with pytest.raises(InputError, match="--public-overview-url"):
