@@ -85,7 +85,7 @@ def columns(rows: Sequence[ProjectRow], dashboard: str) -> list[Column]:
         {"field": "state", "headerName": "State", "pinned": "left", "width": 126,
          "cellRenderer": "StateCell", "tooltipField": "message", "cellClass": "state",
          "filterParams": {"maxNumConditions": 8}},
-        {"headerName": "Results", "colId": "links", "width": 172, "sortable": False, "filter": False,
+        {"headerName": "Results", "colId": "links", "width": 196, "sortable": False, "filter": False,
          "cellRenderer": "LinksCell", "cellRendererParams": {"dashboard": dashboard}},
         {"field": "story", "headerName": "Story", "width": 104},
         *(_stage_column(stage, stage.name in used) for stage in STAGES.values()),

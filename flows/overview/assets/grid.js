@@ -18,6 +18,7 @@ var dagcomponents = (window.dashAgGridComponentFunctions = window.dashAgGridComp
   const LABELS = {
     "report.html": "report", "certificate.html": "cert.",
     "georeferencing_check.html": "check", "sweep.html": "sweep",
+    "image_quality.html": "quality", "radiometric_certificate.html": "cert.",
   };
   const RUN = /^[0-9a-f-]{36}$/;
 

@@ -14,7 +14,7 @@ from flows.server.door import basic
 from tasks.production.records import Records
 from tests.flows.overview.conftest import DOOR
 from tests.ports import free_port
-from tests.tasks.production.runs import ended, run
+from tests.tasks.production.runs import ended, run, stages
 
 pytestmark = pytest.mark.service
 
@@ -64,4 +64,30 @@ def test_stages_of_the_first_project_come_to_a_page_that_is_open(
         assert {"adjustment", "report", "σ new height [m]"} <= set(
             page.locator(".ag-header").inner_text().split("\n")
         )
+    page.close()
+
+
+def test_all_links_of_a_row_can_be_seen(sources: Sources, records: Records, browser: Browser) -> None:
+    calibrated = stages("georeferencing_page", "report", "certificate")
+    ended(records, run("block-7", story="system-calibration"), done=calibrated)
+    examined = stages("image_quality_page", "radiometric_certificate")
+    ended(records, run("block-8", story="image-quality"), done=examined)
+    page, port = (
+        browser.new_page(extra_http_headers={"Authorization": basic(DOOR.password)}),
+        free_port("127.0.0.1"),
+    )
+    with page_server(sources, "127.0.0.1", port):
+        page.goto(f"http://127.0.0.1:{port}/")
+        cells = page.locator(".ag-cell[col-id=links]")
+        expect(cells.nth(1)).to_contain_text("run", timeout=60_000)
+        assert {tuple(cell.locator("a").all_inner_texts()) for cell in cells.all()} == {
+            ("report", "cert.", "check", "run"),
+            ("quality", "cert.", "run"),
+        }
+        for cell in cells.all():
+            around, link = cell.bounding_box(), cell.locator("a").last.bounding_box()
+            assert around is not None
+            assert link is not None
+            # Links end with a gap, and cells with another one.
+            assert link["x"] + link["width"] <= around["x"] + around["width"] - 18.0
     page.close()
