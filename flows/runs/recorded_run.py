@@ -1,4 +1,4 @@
-"""A run of a project in the production records: noted when it begins and when it has ended.
+"""A run of a project in the production records: noted when it begins and when it has ended. Its short text.
 
 Without records (``aerocal run`` on its own) it is an ordinary run. Records that cannot be written are
 reported and stop no adjustment; missing entries are completed from the server's own records
@@ -8,7 +8,8 @@ reported and stop no adjustment; missing entries are completed from the server's
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -18,9 +19,17 @@ from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
-from tasks.production.notice import KINDS, Notice
+from tasks.production.notice import KINDS, Notice, report_address
 from tasks.production.records import configured_records, write_notice
-from tasks.production.run_record import RunRecord, State
+from tasks.production.run_record import (
+    OVERVIEW_VARIABLE,
+    PUBLISHING,
+    RECORDS_VARIABLE,
+    RunRecord,
+    State,
+    project_name,
+)
+from tasks.production.short_text import ShortText
 from tasks.production.stages import stages_since
 from tasks.store.stage_record import utc_now
 
@@ -138,3 +147,38 @@ def _noted(write: Callable[[], None], patience: Patience) -> None:
         patience.tried(write, lambda error: isinstance(error, InstallationError))
     except AerocalError as error:
         _log.warning("the record of runs could not be written: %s", error)
+
+
+def text_of_outcome(outcome: RunOutcome, request: RunRequest, identity: FlowRunIdentity) -> ShortText:
+    """The text that the dashboard shows of a run that has ended with an outcome."""
+    problems = outcome.summary.problems if outcome.state in PUBLISHING else ()
+    place = outcome.place.absolute() if isinstance(outcome.place, Path) else outcome.place
+    file = request.project_file.absolute()
+    return _short_text(file, outcome.state, outcome.message, identity, problems, str(place))
+
+
+def text_of_refusal(project: str | Path, state: State, message: str, identity: FlowRunIdentity) -> ShortText:
+    """The text of a run that has no outcome.
+
+    Parameters
+    ----------
+    project : its file; a text: as given, where there is none.
+    """
+    return _short_text(Path(project), state, message, identity)
+
+
+def _short_text(
+    project: Path,
+    state: State,
+    message: str,
+    identity: FlowRunIdentity,
+    problems: Sequence[str] = (),
+    place: str = "",
+) -> ShortText:
+    links, overview = [], os.environ.get(OVERVIEW_VARIABLE, "").rstrip("/")
+    if overview and os.environ.get(RECORDS_VARIABLE):
+        if state in PUBLISHING:
+            links.append(("Report", report_address(overview, identity.id, identity.story)))
+        links.append(("Production page", f"{overview}/"))
+    name = project_name(project) or str(project)
+    return ShortText(name, project, identity.story, state, message, problems, place, links)

@@ -18,7 +18,7 @@ from flows.server.api import Api
 from flows.server.server_process import CLIENT_PASSWORD
 from flows.server.state_file import bring_password_to, find_server, state_folder
 from tasks.files.installation import InstallationError
-from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
+from tasks.production.run_record import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 
 #: Seconds between two signs of life of a run.
 HEARTBEAT_S = 30

@@ -38,7 +38,7 @@ from tasks.nearest_name import did_you_mean
 from tasks.object_storage.address import ObjectAddress
 from tasks.plain_text import visible
 from tasks.production.notice import USUAL, NoticeKind, wanted_kinds
-from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
+from tasks.production.run_record import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tasks.settings.registry import REGISTRY_VARIABLE
 
 #: When a registry is looked at, if nothing else is said: Mondays at six.

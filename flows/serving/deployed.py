@@ -15,39 +15,40 @@ from flows.server.prefect_settings import prepare_prefect
 
 prepare_prefect()
 
-from prefect import Flow, flow  # noqa: E402
-from prefect.client.orchestration import get_client  # noqa: E402
-from prefect.client.schemas.objects import FlowRun, State  # noqa: E402
-from prefect.runtime import flow_run  # noqa: E402
-from prefect.states import Completed, Failed  # noqa: E402
-from pydantic import AfterValidator, Field  # noqa: E402
+from prefect import Flow, flow
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.objects import FlowRun, State
+from prefect.runtime import flow_run
+from prefect.states import Completed, Failed
+from pydantic import AfterValidator, Field
 
-from flows.runs.clean_up import Act, clean_up_below  # noqa: E402
-from flows.runs.examination_request import ExaminationRequest  # noqa: E402
-from flows.runs.project_run import RunRequest, StoryName, story_named  # noqa: E402
-from flows.runs.recorded_run import carry_out_recorded, note_refusal, tell_without_record  # noqa: E402
-from flows.runs.run_artifacts import text_of_outcome, text_of_refusal  # noqa: E402
-from flows.runs.stage import state_name  # noqa: E402
-from flows.server.api import configured_api  # noqa: E402
-from flows.server.inbox import (  # noqa: E402
-    StoryOfDeliveries,
-    configured_inbox,
-    schedule_deliveries,
+from flows.runs.clean_up import Act, clean_up_below
+from flows.runs.examination_request import ExaminationRequest
+from flows.runs.project_run import RunRequest, StoryName, story_named
+from flows.runs.recorded_run import (
+    carry_out_recorded,
+    note_refusal,
+    tell_without_record,
+    text_of_outcome,
+    text_of_refusal,
 )
-from flows.server.roots import (  # noqa: E402
+from flows.runs.stage import state_name
+from flows.server.api import configured_api
+from flows.server.inbox import StoryOfDeliveries, configured_inbox, schedule_deliveries
+from flows.server.roots import (
     OUTPUT_PATTERN,
     configured_results,
     configured_roots,
     output_name,
     registry_of_runner,
 )
-from flows.server.run_form import RunForm  # noqa: E402
-from flows.serving.registered import identity, show, state_of  # noqa: E402
-from tasks.errors import AerocalError, InputError  # noqa: E402
-from tasks.files.installation import InstallationError  # noqa: E402
-from tasks.production.records import configured_records  # noqa: E402
-from tasks.results.retention import KEEP_DAYS  # noqa: E402
-from tasks.settings.registry import registry_address  # noqa: E402
+from flows.server.run_form import RunForm
+from flows.serving.registered import identity, show, state_of
+from tasks.errors import AerocalError, InputError
+from tasks.files.installation import InstallationError
+from tasks.production.records import configured_records
+from tasks.results.retention import KEEP_DAYS
+from tasks.settings.registry import registry_address
 
 _HOUR_S = 3600
 _log = logging.getLogger("aerocal")
@@ -126,10 +127,16 @@ def _failed(error: AerocalError) -> State[None]:
     return Failed(name=state_name(error), message=str(error))
 
 
-def _failed_and_told(about: str, error: AerocalError) -> State[None]:
-    """The end of a run that is of no project; nobody would hear of it otherwise."""
-    tell_without_record(identity(), about, state_name(error), str(error))
-    return _failed(error)
+def _search(about: str, search: Callable[[], Sequence[str]]) -> State[None]:
+    """A run that is of no project: its sentences; nobody would hear of its failure otherwise."""
+    try:
+        sentences = search()
+    except (InputError, InstallationError) as error:
+        tell_without_record(identity(), about, state_name(error), str(error))
+        return _failed(error)
+    for sentence in sentences:
+        _log.info(sentence)
+    return Completed(message=" ".join(sentences))
 
 
 def _story_flow(story: StoryName, description: str) -> "Flow[..., State[None]]":
@@ -190,19 +197,16 @@ def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
     Args:
         story: Flow to run for each delivery.
     """
-    try:
-        records = configured_records()
+
+    def search() -> Sequence[str]:
+        records, folder, roots = configured_records(), configured_inbox(), configured_roots()
         if records is None:
             raise InstallationError(
                 "This runner has no records of production.", "Start it with aerocal serve."
             )
-        folder, roots = configured_inbox(), configured_roots()
-        scheduled = schedule_deliveries(configured_api(), records, folder, roots, story)
-    except (InputError, InstallationError) as error:
-        return _failed_and_told("inbox", error)
-    for sentence in scheduled.sentences():
-        _log.info(sentence)
-    return Completed(message=" ".join(scheduled.sentences()))
+        return schedule_deliveries(configured_api(), records, folder, roots, story).sentences()
+
+    return _search("inbox", search)
 
 
 @_deployed("recalibration-due", "registry · recalibration-due", hours=1)
@@ -236,18 +240,19 @@ def recalibration_due(
 
     drift = DriftLimits(sigma, focal_length_um, principal_point_um, boresight_deg, lever_arm_mm)
     limits = DueLimits(within_days, max_age_days or None, drift, tuple(without))
-    try:
+    due: list[object] = []
+
+    def search() -> Sequence[str]:
         registry = Registry.at(registry_address(registry_of_runner(configured_roots())))
         watch = watch_of(registry.contents(), date.today(), limits)
-    except (InputError, InstallationError) as error:
-        return _failed_and_told("registry", error)
-    for sentence in watch.sentences:
-        _log.info(sentence)
-    message = " ".join(watch.sentences)
-    if not watch.due:
-        return Completed(message=message)
-    tell_without_record(identity(), "registry", RECALIBRATION_DUE, message)
-    return Failed(name=RECALIBRATION_DUE, message=message)
+        due.extend(watch.due)
+        return watch.sentences
+
+    state = _search("registry", search)
+    if not due:
+        return state
+    tell_without_record(identity(), "registry", RECALIBRATION_DUE, str(state.message))
+    return Failed(name=RECALIBRATION_DUE, message=state.message)
 
 
 @_deployed("clean-up", "output folders · clean-up")
@@ -258,13 +263,9 @@ def clean_up(keep_days: Days = KEEP_DAYS, act: Act = "remove") -> State[None]:
         keep_days: Days to keep a stored result after its last use.
         act: Remove them, or only report what would be removed.
     """
-    try:
-        done = clean_up_below(configured_roots().folders, keep_days, act)
-    except InputError as error:
-        return _failed_and_told("output folders", error)
-    for sentence in done.sentences:
-        _log.info(sentence)
-    return Completed(message=" ".join(done.sentences))
+    return _search(
+        "output folders", lambda: clean_up_below(configured_roots().folders, keep_days, act).sentences
+    )
 
 
 #: The flows of a project, each with a deployment ``manual``.

@@ -14,7 +14,7 @@ from flows.runs.freed_memory import keep_freed_memory
 gc.set_threshold(50_000)
 keep_freed_memory()
 
-from tasks.store.known_sources import listing_of_sources  # noqa: E402
+from tasks.store.known_sources import listing_of_sources
 
 
 def installed() -> tuple[str, ...]:
@@ -27,12 +27,12 @@ def installed() -> tuple[str, ...]:
 #: they are computed, so nothing older may compute them.
 LOADED = installed()
 
-import prefect.engine  # noqa: E402
-import prefect.flow_engine  # noqa: E402
-import prefect.task_engine  # noqa: E402, F401
+import prefect.engine
+import prefect.flow_engine
+import prefect.task_engine  # noqa: F401
 
-import flows.stories  # noqa: E402
-from flows.serving import deployed, engine  # noqa: E402, F401
+import flows.stories
+from flows.serving import deployed, engine  # noqa: F401
 
 for story in pkgutil.iter_modules(flows.stories.__path__):
     import_module(f"{flows.stories.__name__}.{story.name}")

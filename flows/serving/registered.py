@@ -12,17 +12,16 @@ from flows.server.prefect_settings import prepare_prefect
 
 prepare_prefect()
 
-from prefect import flow  # noqa: E402
-from prefect.client.orchestration import get_client  # noqa: E402
-from prefect.client.schemas.actions import ArtifactCreate  # noqa: E402
-from prefect.client.schemas.objects import State  # noqa: E402
-from prefect.runtime import flow_run  # noqa: E402
-from prefect.states import Completed, Failed, raise_state_exception  # noqa: E402
+from prefect import flow
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.actions import ArtifactCreate
+from prefect.client.schemas.objects import State
+from prefect.runtime import flow_run
+from prefect.states import Completed, Failed, raise_state_exception
 
-from flows.runs.project_run import RunOutcome, RunRequest, Story  # noqa: E402
-from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded  # noqa: E402
-from flows.runs.run_artifacts import text_of_outcome  # noqa: E402
-from tasks.production.short_text import ShortText  # noqa: E402
+from flows.runs.project_run import RunOutcome, RunRequest, Story
+from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded, text_of_outcome
+from tasks.production.short_text import ShortText
 
 _HOUR_S = 3600
 _log = logging.getLogger("aerocal")

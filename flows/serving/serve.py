@@ -48,7 +48,7 @@ from tasks.production.notice import Links
 from tasks.production.notice_addresses import ADDRESSES_VARIABLE, FILE_VARIABLE, configured_addresses
 from tasks.production.outbox import Courier, Outbox
 from tasks.production.records import Records
-from tasks.production.variable import OVERVIEW_VARIABLE
+from tasks.production.run_record import OVERVIEW_VARIABLE
 from tasks.store.run_lock import lock_if_free
 
 #: The first start makes the database, on a slow machine.

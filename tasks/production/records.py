@@ -27,6 +27,7 @@ from tasks.production.run_record import (
     DECIDED,
     LONGEST_PAUSE_S,
     PUBLISHING,
+    RECORDS_VARIABLE,
     SWEEP,
     RunFigures,
     RunRecord,
@@ -36,7 +37,6 @@ from tasks.production.run_record import (
     given_up,
 )
 from tasks.production.tables import METADATA, NOTICES, RUNS, SCHEMA, SCHEMA_VERSION
-from tasks.production.variable import RECORDS_VARIABLE
 
 #: What messages call them.
 RECORDS = Holding("record of runs", f"--database or {RECORDS_VARIABLE}")

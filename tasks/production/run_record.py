@@ -20,6 +20,11 @@ from pydantic import BaseModel, OnErrorOmit, ValidationError, ValidatorFunctionW
 
 from tasks.results.quality_gates import GateResult
 
+#: Set by ``aerocal serve`` for its runner and what the runner starts: address of the records.
+RECORDS_VARIABLE = "AEROCAL_RECORDS"
+#: Set likewise: address of the production page, which serves the documents of runs.
+OVERVIEW_VARIABLE = "AEROCAL_OVERVIEW_URL"
+
 #: States of a run: those of the dashboard (docs/operations.md), without what only the server knows.
 State: TypeAlias = Literal[
     "Scheduled",

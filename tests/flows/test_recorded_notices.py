@@ -13,7 +13,7 @@ from flows.runs.project_run import RunRequest
 from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded, tell_without_record
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records
-from tasks.production.variable import RECORDS_VARIABLE
+from tasks.production.run_record import RECORDS_VARIABLE
 from tasks.results.summary import Summary
 from tests.tasks.production.ended_runs import ended_run
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
-from flows.runs.recorded_run import FlowRunIdentity
-from flows.runs.run_artifacts import text_of_outcome, text_of_refusal
+from flows.runs.recorded_run import FlowRunIdentity, text_of_outcome, text_of_refusal
 from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.direct_georeferencing_check import direct_georeferencing_check
-from tasks.production.variable import OVERVIEW_VARIABLE, RECORDS_VARIABLE
+from tasks.production.run_record import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 from tests.flows.conftest import write_block
 
 IDENTITY = FlowRunIdentity("1234", "aerial-triangulation")

@@ -18,7 +18,7 @@ from flows.server.roots import (
 from tasks.errors import InputError
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records
-from tasks.production.variable import RECORDS_VARIABLE
+from tasks.production.run_record import RECORDS_VARIABLE
 
 TOLD = {RESULTS_VARIABLE: "s3://surveys/production"}
 

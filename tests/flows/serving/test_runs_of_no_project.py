@@ -10,7 +10,7 @@ from flows.server.inbox import INBOX_VARIABLE
 from flows.server.roots import ROOTS_VARIABLE, as_variable, roots_of
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records
-from tasks.production.variable import RECORDS_VARIABLE
+from tasks.production.run_record import RECORDS_VARIABLE
 
 pytestmark = pytest.mark.prefect
 

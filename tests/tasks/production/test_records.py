@@ -15,9 +15,8 @@ from sqlalchemy import text, update
 from tasks.errors import InputError
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records, configured_records
-from tasks.production.run_record import RunRecord, StageTime, project_name
+from tasks.production.run_record import RECORDS_VARIABLE, RunRecord, StageTime, project_name
 from tasks.production.tables import SCHEMA
-from tasks.production.variable import RECORDS_VARIABLE
 from tests.tasks.forked import in_processes
 
 NOON = datetime(2026, 11, 20, 12, tzinfo=UTC)
