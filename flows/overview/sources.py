@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, date, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -138,7 +139,7 @@ class Lasting(Generic[T]):
         self._answer: T | None = None
         self._until = -1.0
 
-    def get(self) -> T:
+    def __call__(self) -> T:
         """The answer, no older than allowed."""
         with self._lock:
             if self._answer is None or time.monotonic() > self._until:
@@ -183,22 +184,21 @@ class Sources:
     door: Door
     registry: str | None
     inbox: Callable[[], Scheduled | None]
-    board: Board = field(init=False)
-    _server: Lasting[ServerView] = field(init=False)
-    _calibrations: Lasting[Calibrations] = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "board", Board(self.records))
-        object.__setattr__(self, "_server", Lasting(self._ask_server, _SERVER_S))
-        object.__setattr__(self, "_calibrations", Lasting(self._read_registry, _REGISTRY_S))
+    @cached_property
+    def board(self) -> Board:
+        """The board of these records."""
+        return Board(self.records)
 
-    def server(self) -> ServerView:
+    @cached_property
+    def server(self) -> Lasting[ServerView]:
         """Whether the server answers, and its queue; without an answer, that of the records."""
-        return self._server.get()
+        return Lasting(self._ask_server, _SERVER_S)
 
-    def calibrations(self) -> Calibrations:
+    @cached_property
+    def calibrations(self) -> Lasting[Calibrations]:
         """The calibrations of the registry."""
-        return self._calibrations.get()
+        return Lasting(self._read_registry, _REGISTRY_S)
 
     def _ask_server(self) -> ServerView:
         found = server_view(self.api, datetime.now(UTC))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -53,56 +53,41 @@ class Expected:
         ----------
         threads : how many calls the worker carries out at once.
         """
-        return (
-            _other_software(self.software)
-            or _too_many_threads(threads)
-            or _other_files(self.words)
-            or _other_environment(self.environment)
-        )
+        return next(self._troubles(threads), None)
 
-
-def _other_software(expected: Software) -> Trouble | None:
-    differences = expected.differences(software_here())
-    if not differences:
-        return None
-    return Trouble(
-        f"uses different software from this run ({'; '.join(differences)}), so its results could differ",
-        "Install the same on all machines, and start the scheduler and its workers again.",
-    )
-
-
-def _too_many_threads(threads: int) -> Trouble | None:
-    if threads == 1:
-        return None
-    return Trouble(
-        f"has {threads} threads, but a worker uses only one",
-        f"Start `dask worker ADDRESS --nthreads 1 --nworkers {threads}` instead.",
-    )
-
-
-def _other_files(words: tuple[tuple[Path, str], ...]) -> Trouble | None:
-    for file, text in words:
-        try:
-            seen = file.read_text(encoding="utf-8")
-        except OSError:
-            seen = ""
-        if seen != text:
-            return Trouble(
-                f"does not see what this run writes to {file.parent}",
-                "Put the project and its results into a folder that all machines share under one path.",
+    def _troubles(self, threads: int) -> Iterator[Trouble]:
+        differences = self.software.differences(software_here())
+        if differences:
+            yield Trouble(
+                f"uses different software from this run ({'; '.join(differences)}), so its results could "
+                "differ",
+                "Install the same on all machines, and start the scheduler and its workers again.",
             )
-    return None
+        if threads != 1:
+            yield Trouble(
+                f"has {threads} threads, but a worker uses only one",
+                f"Start `dask worker ADDRESS --nthreads 1 --nworkers {threads}` instead.",
+            )
+        for file, text in self.words:
+            if _text_in(file) != text:
+                yield Trouble(
+                    f"does not see what this run writes to {file.parent}",
+                    "Put the project and its results into a folder that all machines share under one path.",
+                )
+        others = [name for name, value in self.environment if os.environ.get(name) != value]
+        if others:
+            # The values are nobody's business.
+            yield Trouble(
+                f"has {' and '.join(others)} set differently from this run",
+                "Start it with the same environment.",
+            )
 
 
-def _other_environment(environment: tuple[tuple[str, str | None], ...]) -> Trouble | None:
-    others = [name for name, value in environment if os.environ.get(name) != value]
-    if not others:
+def _text_in(file: Path) -> str | None:
+    try:
+        return file.read_text(encoding="utf-8")
+    except OSError:
         return None
-    # The values are nobody's business.
-    return Trouble(
-        f"has {' and '.join(others)} set differently from this run",
-        "Start it with the same environment.",
-    )
 
 
 def examine(expected: Expected, dask_worker: Any) -> tuple[Trouble | None, str]:

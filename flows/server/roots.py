@@ -6,13 +6,14 @@ Prefect hands parameters to a run and confines it to nothing. Everything here is
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from pydantic import TypeAdapter
 
 from tasks.errors import InputError
 from tasks.files.delivered_file import lies_under
@@ -22,7 +23,7 @@ from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
 
 #: Set by ``aerocal serve`` for its runner and what the runner starts: a JSON list of folders.
 ROOTS_VARIABLE = "AEROCAL_ROOTS"
-
+_FOLDERS = TypeAdapter(list[Path])
 
 #: The same for a form: what `output_name` lets pass, but for its length.
 OUTPUT_PATTERN = rf"^(?!\.|\s*$)[^/\\{UNSEEN}]+$(?!\n)"
@@ -136,17 +137,15 @@ def configured_roots(environment: Mapping[str, str] = os.environ) -> Roots:
         If it has not: a deployed run without roots may read nothing at all.
     """
     try:
-        folders = json.loads(environment.get(ROOTS_VARIABLE, "[]"))
+        folders = _FOLDERS.validate_json(environment.get(ROOTS_VARIABLE, "[]"))
     except ValueError:
         folders = []
-    if not isinstance(folders, list):
-        folders = []
-    return roots_of([Path(str(folder)) for folder in folders])
+    return roots_of(folders)
 
 
 def as_variable(roots: Roots) -> str:
     """The value of ROOTS_VARIABLE for these roots."""
-    return json.dumps([str(folder) for folder in roots.folders])
+    return _FOLDERS.dump_json(list(roots.folders)).decode()
 
 
 #: Set by ``aerocal serve`` for its runner and what the runner starts: the address; nothing: there is none.

@@ -15,10 +15,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from io import StringIO
 from pathlib import Path
 from uuid import uuid4
 
 import apprise
+from apprise.logger import LOGGER_NAME
 from apprise.plugins.custom_json import NotifyJSON
 
 from tasks.errors import InputError, Location
@@ -84,7 +86,7 @@ class NoticeAddress:
             )
         if accepted:
             return Sent(True, "accepted")
-        answer = _REFUSED.search(" ".join(heard))
+        answer = _REFUSED.search(heard.getvalue())
         if answer is not None:
             return Sent(False, f"refused with status {answer[1]}")
         return Sent(False, "not reached, or refused")
@@ -137,22 +139,14 @@ def _key(url: str) -> str:
 
 
 @contextmanager
-def _heard() -> Iterator[list[str]]:
+def _heard() -> Iterator[StringIO]:
     """Messages of the library while the context lasts; not passed on, because they may contain an address."""
-    messages: list[str] = []
-
-    class _Keep(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            messages.append(record.getMessage())
-
-    logger, handler = logging.getLogger("apprise"), _Keep(logging.WARNING)
-    propagated = logger.propagate
-    logger.addHandler(handler)
-    logger.propagate = False
+    logger = logging.getLogger(LOGGER_NAME)
+    propagated, logger.propagate = logger.propagate, False
     try:
-        yield messages
+        with apprise.LogCapture(level=logging.WARNING) as said:  # type: ignore[no-untyped-call]
+            yield said
     finally:
-        logger.removeHandler(handler)
         logger.propagate = propagated
 
 
