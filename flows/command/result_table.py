@@ -98,11 +98,11 @@ def result_table(outcome: RunOutcome) -> RenderableType:
 def where_results_are(outcome: RunOutcome, what: str) -> tuple[str, ...]:
     """A sentence that says where the results of a run are."""
     here = f"{what} are in {outcome.directory}"
-    if outcome.address is None:
+    if outcome.place == outcome.directory:
         return (here,)
     return (
         here,
-        f"Published at {outcome.address}; elsewhere: aerocal fetch {outcome.address} --to DIR",
+        f"Published at {outcome.place}; elsewhere: aerocal fetch {outcome.place} --to DIR",
     )
 
 

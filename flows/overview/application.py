@@ -42,11 +42,6 @@ _PLOT: Any = {
 }
 
 
-def places(sources: Sources) -> tuple[str, list[str]]:
-    """Address of Prefect's dashboard, and the folders of projects."""
-    return sources.dashboard, [str(folder) for folder in sources.roots.folders]
-
-
 @dataclass(frozen=True)
 class Answers:
     """The answers to the page."""
@@ -83,7 +78,7 @@ class Answers:
         due = None if watch is None else len(watch.due)
         return (
             _news(changes),
-            no_projects(*places(sources)) if not rows else None,
+            no_projects(sources) if not rows else None,
             no_update if changes.is_empty and ticks else revision_data(changes),
             cards(rows, due, now),
             _state_of_server(view.reachable, now),
@@ -231,7 +226,7 @@ def application(sources: Sources) -> Dash:
     Answers(sources).register(app)
     _act_in_the_browser(app)
 
-    app.server.add_url_rule("/health", view_func=_health)
+    app.server.add_url_rule("/health", "health", lambda: "well")
     add_results(app.server, sources)
     add_metrics(app.server, sources)
     guard(app.server, sources.door, page_policy(app.csp_hashes()))
@@ -276,18 +271,14 @@ def _read_ahead(sources: Sources) -> None:
         sources.board.changes(None)
 
 
-def _health() -> str:
-    return "well"
-
-
 def _page(sources: Sources) -> Any:
     try:
         changes = sources.board.changes(None)
     except AerocalError as error:
         changes = Changes(Revision("", 0), True, (), ())
         # The next look says it as well, where it stays until it is over.
-        return html.Div([html.Div(str(error), className="silent"), page(changes, *places(sources))])
-    return page(changes, *places(sources))
+        return html.Div([html.Div(str(error), className="silent"), page(changes, sources)])
+    return page(changes, sources)
 
 
 def _act_in_the_browser(app: Dash) -> None:

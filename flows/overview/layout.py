@@ -10,6 +10,7 @@ from typing import Any
 from dash import dcc, html
 
 from flows.overview.project_grid import project_grid
+from flows.overview.sources import Sources
 from tasks.production.board import BROKEN, WRONG_INPUT, Changes, ProjectRow, oldest_waiting
 
 #: Milliseconds between two looks, and between two looks at the registry.
@@ -24,14 +25,8 @@ _CALIBRATION_LEGEND = (
 Part = Any
 
 
-def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
-    """The whole page with its present rows.
-
-    Parameters
-    ----------
-    dashboard : address of the server's own pages.
-    roots : folders that projects may lie in.
-    """
+def page(changes: Changes, sources: Sources) -> Part:
+    """The whole page with its present rows."""
     sections = ("projects", "queue", "trends", "calibrations")
     links = [html.A(name, href=f"#{name}-section") for name in sections]
     camera = dcc.Dropdown(id="camera", clearable=False, placeholder="camera", style={"minWidth": "300px"})
@@ -52,14 +47,14 @@ def page(changes: Changes, dashboard: str, roots: Sequence[str]) -> Part:
             html.Header(
                 [
                     html.H1("aerocal production"),
-                    html.Nav([*links, new_tab("Prefect", dashboard)]),
+                    html.Nav([*links, new_tab("Prefect", sources.dashboard)]),
                     html.Div(id="said", className="said"),
                 ]
             ),
             html.Div(id="silent", className="silent", role="alert"),
             html.Div(id="trouble"),
             html.Div(id="cards", className="cards"),
-            html.Section(_projects(changes.rows, dashboard, roots), id="projects-section"),
+            html.Section(_projects(changes.rows, sources), id="projects-section"),
             _beside(_titled("Queue", "queue", id="queue-section"), _titled("Latest failures", "failures")),
             _beside(
                 _titled("σ0 over projects", "sigma0-trend", id="trends-section"),
@@ -90,7 +85,7 @@ def revision_data(changes: Changes) -> dict[str, Any]:
     return {"board": changes.revision.board, "number": changes.revision.number}
 
 
-def _projects(rows: Sequence[ProjectRow], dashboard: str, roots: Sequence[str]) -> list[Part]:
+def _projects(rows: Sequence[ProjectRow], sources: Sources) -> list[Part]:
     legend = ("✓ done", "↺ reused", "▶ running", "✗ failed", "– not yet")
     return [
         html.Div(
@@ -104,20 +99,20 @@ def _projects(rows: Sequence[ProjectRow], dashboard: str, roots: Sequence[str]) 
             ],
             className="bar",
         ),
-        html.Div(no_projects(dashboard, roots) if not rows else None, id="no-projects"),
-        project_grid(rows, dashboard),
+        html.Div(no_projects(sources) if not rows else None, id="no-projects"),
+        project_grid(rows, sources.dashboard),
         html.Div(id="detail"),
     ]
 
 
-def no_projects(dashboard: str, roots: Sequence[str]) -> Part:
+def no_projects(sources: Sources) -> Part:
     """What the page advises when nothing has been run yet."""
     return html.Div(
         [
             "No project has been run yet. Start one manually: ",
-            new_tab("Deployments", f"{dashboard}/v2/deployments"),
+            new_tab("Deployments", f"{sources.dashboard}/v2/deployments"),
             " → aerial-triangulation/manual → Run → Custom run, with a project under ",
-            html.Code(", ".join(roots)),
+            html.Code(", ".join(map(str, sources.roots.folders))),
             "; or copy a delivery into the inbox and create the file ",
             html.Code("DELIVERED"),
             " in it last; or run ",

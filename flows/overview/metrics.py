@@ -41,10 +41,6 @@ class ProductionFigures(Collector):
     def __init__(self, sources: Sources) -> None:
         self.sources = sources
 
-    def describe(self) -> list[Metric]:
-        """Nothing: reading the records at the start would delay the server."""
-        return []
-
     def collect(self) -> Iterator[Metric]:
         """The figures of this moment."""
         now = datetime.now(UTC)

@@ -106,7 +106,7 @@ def detail_part(
         html.H2(f"{run.project} · {STORY_LABELS.get(run.story, run.story)} · {run.state}"),
         html.P([html.Code(run.project_file or "no project file"), " → ", html.Code(run.directory or "–")]),
     ]
-    links = [*(document_link(run.id, name) for name in documents)]
+    links = [new_tab(name, f"/results/{quote(run.id, safe='')}/{quote(name, safe='')}") for name in documents]
     links.append(run_link(dashboard, run.id, "run in Prefect"))
     parts.append(html.P([part for link in links for part in (link, "   ")]))
     if problems := problems_of(run):
@@ -142,11 +142,6 @@ def _ended(run: RunRecord, name: str, now: datetime, dashboard: str, remark: str
 def run_link(dashboard: str, run: str, text: str) -> Part:
     """A link to the run on the server's own pages."""
     return new_tab(text, f"{dashboard}/v2/runs/flow-run/{quote(run, safe='')}")
-
-
-def document_link(run: str, name: str) -> Part:
-    """A link to a document of a run."""
-    return new_tab(name, f"/results/{quote(run, safe='')}/{quote(name, safe='')}")
 
 
 class _Message(str):

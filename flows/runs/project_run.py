@@ -183,30 +183,26 @@ class RunOutcome:
 
     Attributes
     ----------
-    directory : the output folder.
+    request : what was to be run.
     summary : what is in its summary.json.
     error : why there is no result, in one line; None if there is one.
     failed_stage : the stage that failed; None: none, or none was reached.
-    address : where the results are on object storage, if that was requested in place of a folder.
     """
 
-    directory: Path
+    request: RunRequest
     summary: Summary
     error: str | None = None
     failed_stage: str | None = None
-    address: ObjectAddress | None = None
 
-    @classmethod
-    def of(cls, request: RunRequest, summary: Summary, error: AerocalError | str | None = None) -> RunOutcome:
-        """How the run of a request ended."""
-        stage = error.stage if isinstance(error, AerocalError) else None
-        address = request.address if request.out is None else None
-        return cls(request.directory, summary, None if error is None else str(error), stage, address)
+    @property
+    def directory(self) -> Path:
+        """The output folder."""
+        return self.request.directory
 
     @property
     def place(self) -> Path | ObjectAddress:
-        """Where the results are."""
-        return self.directory if self.address is None else self.address
+        """Where the results are: the output folder, or the address that was requested in place of one."""
+        return self.request.place or self.directory
 
     @property
     def state(self) -> State:
@@ -235,14 +231,14 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     trouble = trouble_of_folder(request.directory)
     if trouble is not None:
         # There, its summary cannot be written either.
-        return RunOutcome.of(request, failed_summary("input_error", str(trouble), {}), trouble)
+        return RunOutcome(request, failed_summary("input_error", str(trouble), {}), str(trouble))
     store = request.store()
     try:
         read = request.read()
         _say_what_is_between_results(request, read)
         with run_lock(request.directory, request.roots):
             store.begin_run()
-            return RunOutcome.of(request, story(read, store))
+            return RunOutcome(request, story(read, store))
     except InputError as error:
         return _without_result(request, store, "input_error", error)
     except NotComputableError as error:
@@ -273,7 +269,7 @@ def _without_result(
         with writing_into(request.directory), run_lock(request.directory, request.roots):
             write_summary(request.directory, summary)
         _tell_remotely(store, summary)
-    return RunOutcome.of(request, summary, error)
+    return RunOutcome(request, summary, str(error), error.stage)
 
 
 def _tell_remotely(store: Store, summary: Summary) -> None:

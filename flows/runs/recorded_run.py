@@ -149,11 +149,11 @@ def _noted(write: Callable[[], None], patience: Patience) -> None:
         _log.warning("the record of runs could not be written: %s", error)
 
 
-def text_of_outcome(outcome: RunOutcome, request: RunRequest, identity: FlowRunIdentity) -> ShortText:
+def text_of_outcome(outcome: RunOutcome, identity: FlowRunIdentity) -> ShortText:
     """The text that the dashboard shows of a run that has ended with an outcome."""
     problems = outcome.summary.problems if outcome.state in PUBLISHING else ()
     place = outcome.place.absolute() if isinstance(outcome.place, Path) else outcome.place
-    file = request.project_file.absolute()
+    file = outcome.request.project_file.absolute()
     return _short_text(file, outcome.state, outcome.message, identity, problems, str(place))
 
 

@@ -62,26 +62,19 @@ class Stage(Generic[P, R]):
             error.stage = error.stage or self.name
             raise
 
-    def map(
-        self,
-        each: Sequence[Mapping[str, object]],
-        *args: object,
-        executor: Executor | None = None,
-        **common: object,
-    ) -> tuple[R, ...]:
+    def map(self, each: Sequence[Mapping[str, object]], *args: object, **common: object) -> tuple[R, ...]:
         """Run the stage once for each set of keyword arguments; the first expected error ends it.
 
         Parameters
         ----------
         each : the keyword arguments in which the runs differ; sets that are alike are run once.
         args, common : the arguments they share.
-        executor : as of `attempt`.
 
         Returns
         -------
         results : in the order of `each`, whichever run ends first.
         """
-        outcomes = self.attempt([{**common, **one} for one in each], *args, executor=executor)
+        outcomes = self.attempt([{**common, **one} for one in each], *args)
         results = tuple(outcome for outcome in outcomes if not isinstance(outcome, _EXPECTED))
         for outcome in outcomes:
             if isinstance(outcome, _EXPECTED):

@@ -90,11 +90,6 @@ class Child:
         """Whether it has ended."""
         return self.process.poll() is not None
 
-    def ask_to_end(self) -> None:
-        """Send SIGTERM to the process itself, not to those it has started."""
-        with contextlib.suppress(ProcessLookupError):
-            self.process.terminate()
-
     def wait(self, timeout_s: float) -> bool:
         """Wait until it has ended; returns whether it has."""
         try:
@@ -249,7 +244,8 @@ class Supervised:
 
     def drain(self, requests: Requests) -> None:
         """Let it finish what it has started, until there are two requests to end."""
-        self.child.ask_to_end()
+        # The process itself, not those it has started.
+        self.child.process.terminate()
         while requests.number < 2 and not self.child.wait(0.5):
             pass
 

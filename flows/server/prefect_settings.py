@@ -96,24 +96,24 @@ def server_to_report_to(option: str | None, remark: Callable[[str], None]) -> st
     found = None if option == "none" or os.environ.get("PREFECT_API_URL") == "none" else find_server()
     if found is None:
         return None
-    where = f"The server {found.server.url} (process {found.server.pid})"
+    where = f"The server {found.url} (process {found.pid})"
     if not found.alive:
         remark(f"{where} is no longer running; this run is not reported to it.")
         return None
     try:
-        bring_password_to(found.server.url)
-        require_server(found.server.url)
+        bring_password_to(found.url)
+        require_server(found.url)
     except UnknownCallerError as error:
         remark(f"{where} asks for a password. {error.remedy} This run is not reported to it.")
         return None
     except InstallationError:
         remark(f"{where} does not answer; this run is not reported to it.")
         return None
-    if found.server.records is not None:
-        os.environ.setdefault(RECORDS_VARIABLE, found.server.records)
-    if found.server.overview is not None:
-        os.environ.setdefault(OVERVIEW_VARIABLE, found.server.overview)
-    return found.server.url
+    if found.records is not None:
+        os.environ.setdefault(RECORDS_VARIABLE, found.records)
+    if found.overview is not None:
+        os.environ.setdefault(OVERVIEW_VARIABLE, found.overview)
+    return found.url
 
 
 def require_server(address: str, timeout_s: float = 5.0) -> None:

@@ -16,11 +16,12 @@ import secrets
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import platformdirs
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter
 
 from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress
 from tasks.files.installation import InstallationError, writing_into
@@ -43,23 +44,17 @@ class RunningServer:
     pid : number of the process of ``aerocal serve``.
     records : where the records of production are, without a password; None: an older server.
     overview : address of the production page for browsers; None: an older server.
+    alive : whether the process that wrote it is alive.
     """
 
     url: str
     pid: int
     records: str | None = None
     overview: str | None = None
+    alive: Annotated[bool, Field(exclude=True)] = True
 
 
 _SERVER = TypeAdapter(RunningServer)
-
-
-@dataclass(frozen=True)
-class FoundServer:
-    """A state file and whether the process that wrote it is alive."""
-
-    server: RunningServer
-    alive: bool
 
 
 def state_folder() -> Path:
@@ -68,14 +63,14 @@ def state_folder() -> Path:
     return Path(named).absolute() if named else Path(platformdirs.user_state_dir("aerocal"))
 
 
-def find_server(folder: Path | None = None) -> FoundServer | None:
+def find_server(folder: Path | None = None) -> RunningServer | None:
     """The server that the state file names; None if the file is missing or cannot be read."""
     folder = state_folder() if folder is None else folder
     try:
         server = _SERVER.validate_json((folder / "serve.json").read_bytes())
     except (OSError, ValueError):
         return None
-    return FoundServer(server, _is_locked(folder / "serve.lock"))
+    return replace(server, alive=_is_locked(folder / "serve.lock"))
 
 
 def _is_locked(file: Path) -> bool:
@@ -134,7 +129,7 @@ def _hold(handle: int, folder: Path) -> None:
             time.sleep(0.02)
             continue
         found = find_server(folder)
-        where = f" at {found.server.url} (process {found.server.pid})" if found is not None else ""
+        where = f" at {found.url} (process {found.pid})" if found is not None else ""
         raise InstallationError(
             f"A server of yours is already running{where}.",
             "Use it, or stop it first; a second one needs its own folder (--state).",
@@ -220,7 +215,7 @@ def bring_password_to(address: str, folder: Path | None = None) -> None:
     """
     folder = state_folder() if folder is None else folder
     found = find_server(folder)
-    if os.environ.get(CLIENT_PASSWORD) or found is None or not found.alive or found.server.url != address:
+    if os.environ.get(CLIENT_PASSWORD) or found is None or not found.alive or found.url != address:
         return
     kept = kept_password(folder)
     if kept is not None:

@@ -119,7 +119,7 @@ def _confined(
             note_refusal(identity(), about, str(error))
         show(text_of_refusal(about, state_name(error), str(error), identity()))
         return _failed(error)
-    show(text_of_outcome(outcome, request, identity()))
+    show(text_of_outcome(outcome, identity()))
     return state_of(outcome)
 
 

@@ -73,7 +73,7 @@ def run_and_report(request: RunRequest, name: str, story: Callable[[], Story]) -
 
     def run(project_file: str, out: str | None, overrides: list[str], data: str | None) -> State[None]:  # noqa: ARG001 - shown by the server
         outcome = carry_out_recorded(story(), request, identity(deployed=False))
-        show(text_of_outcome(outcome, request, identity()))
+        show(text_of_outcome(outcome, identity()))
         ended.append(outcome)
         return state_of(outcome)
 

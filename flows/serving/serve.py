@@ -272,7 +272,7 @@ def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
         If there is none, or one on another machine and no database that both reach.
     """
     found = find_server(settings.state)
-    local = found.server if found is not None and found.alive else None
+    local = found if found is not None and found.alive else None
     url = server_address(server) or (None if local is None else local.url)
     if url is None:
         raise InputError("There is no server.", "Start aerocal serve, or name one with --server URL.")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,13 +26,11 @@ class FetchedResults:
     ----------
     files : names of all files of the results.
     brought : those that were not there already.
-    summary : of the run they are of.
     last_run : how the last run ended; None if nothing can be said.
     """
 
     files: tuple[str, ...]
     brought: tuple[str, ...]
-    summary: Summary
     last_run: Summary | None
 
     @property
@@ -74,7 +71,7 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
             remove_outdated(directory, last, here, tuple(last.artifacts))
         write_summary(directory, manifest.summary)
         write_manifest(directory, here)
-    return FetchedResults(_files(entries), tuple(brought), manifest.summary, last_run)
+    return FetchedResults(tuple(sorted(entry.file for entry in entries)), tuple(brought), last_run)
 
 
 def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path) -> bool:
@@ -96,7 +93,3 @@ def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path)
     finally:
         temporary.unlink(missing_ok=True)
     return True
-
-
-def _files(entries: Sequence[PublishedEntry]) -> tuple[str, ...]:
-    return tuple(sorted(entry.file for entry in entries))

@@ -281,7 +281,7 @@ def test_the_server_forgets_what_has_ended_long_ago_and_nothing_else(server: Ser
 def test_the_server_is_private(server: Served) -> None:
     found = find_server(server.folder / "state")
     assert found is not None
-    assert (found.alive, found.server.url) == (True, server.api.url)
+    assert (found.alive, found.url) == (True, server.api.url)
     listening = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     addresses = {line[1].split(":")[0] for line in listening if int(line[1].split(":")[1], 16) == server.port}
     assert addresses == {"0100007F"}

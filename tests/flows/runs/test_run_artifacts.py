@@ -40,21 +40,22 @@ def served(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_state_stands_in_the_first_line_and_links_follow(
-    outcome: RunOutcome, request_of_block: RunRequest, monkeypatch: pytest.MonkeyPatch
+    outcome: RunOutcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = text_of_outcome(outcome, request_of_block, IDENTITY).markdown
+    text = text_of_outcome(outcome, IDENTITY).markdown
     assert text.startswith("**GateFailed: Gates not passed: max_check_m_z.**\n")
     assert "[Report](<http://127.0.0.1:8051/results/1234/report.html>)" in text
     assert "[Production page](<http://127.0.0.1:8051/>)" in text
     assert "decide whether they may be used" in text
     assert f"`{outcome.directory}`" in text
     monkeypatch.delenv(OVERVIEW_VARIABLE)
-    assert "](<" not in text_of_outcome(outcome, request_of_block, IDENTITY).markdown
+    assert "](<" not in text_of_outcome(outcome, IDENTITY).markdown
 
 
 def test_keys_are_those_of_project_and_story(outcome: RunOutcome, request_of_block: RunRequest) -> None:
     def key(request: RunRequest, run: str) -> str:
-        return text_of_outcome(outcome, request, FlowRunIdentity(run, "aerial-triangulation")).key
+        ended = replace(outcome, request=request)
+        return text_of_outcome(ended, FlowRunIdentity(run, "aerial-triangulation")).key
 
     first = key(request_of_block, "1")
     assert re.fullmatch(r"block-7-[0-9a-f]{8}-aerial-triangulation", first)
@@ -65,7 +66,7 @@ def test_keys_are_those_of_project_and_story(outcome: RunOutcome, request_of_blo
 
 def test_what_is_wrong_with_an_input_stands_there_with_what_to_do(request_of_block: RunRequest) -> None:
     request = replace(request_of_block, overrides=("inputs.exposures.crs=EPSG:0",))
-    text = text_of_outcome(carry_out(aerial_triangulation, request), request, IDENTITY).markdown
+    text = text_of_outcome(carry_out(aerial_triangulation, request), IDENTITY).markdown
     assert text.startswith("**InputError: ")
     assert "EPSG:0" in text.splitlines()[0]
     assert "Correct what the message names" in text
@@ -73,10 +74,10 @@ def test_what_is_wrong_with_an_input_stands_there_with_what_to_do(request_of_blo
     assert "<script>" not in text_of_refusal("a", "Failed", "<script>", IDENTITY).markdown
 
 
-def test_many_problems_stay_small(outcome: RunOutcome, request_of_block: RunRequest) -> None:
+def test_many_problems_stay_small(outcome: RunOutcome) -> None:
     problems = tuple(f"Problem {number} " + "x" * 3000 for number in range(2000))
     many = replace(outcome, summary=outcome.summary.model_copy(update={"problems": problems}))
-    text = text_of_outcome(many, request_of_block, IDENTITY).markdown
+    text = text_of_outcome(many, IDENTITY).markdown
     assert len(text) < 20_000
     assert "1995 more in summary.json" in text
 
@@ -85,5 +86,5 @@ def test_a_check_leads_to_its_own_page(request_of_block: RunRequest, tmp_path: P
     overrides = ("direct_georeferencing.calibration=adjustment",)
     request = replace(request_of_block, overrides=overrides, out=tmp_path / "out")
     checked = carry_out(direct_georeferencing_check, request)
-    text = text_of_outcome(checked, request, FlowRunIdentity("1", "direct-georeferencing-check")).markdown
+    text = text_of_outcome(checked, FlowRunIdentity("1", "direct-georeferencing-check")).markdown
     assert "/results/1/georeferencing_check.html>)" in text

@@ -8,13 +8,13 @@ import stat
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from flows.server.prefect_settings import server_to_report_to
 from flows.server.state_file import (
-    FoundServer,
     RunningServer,
     find_server,
     keep_link,
@@ -32,7 +32,7 @@ def test_a_server_is_found_while_it_lives_and_gone_afterwards(tmp_path: Path) ->
     assert find_server(tmp_path) is None
     with the_only_server(tmp_path):
         write_state(tmp_path, SERVER)
-        assert find_server(tmp_path) == FoundServer(SERVER, alive=True)
+        assert find_server(tmp_path) == SERVER
     assert find_server(tmp_path) is None
 
 
@@ -59,7 +59,7 @@ def test_a_second_server_is_refused_and_harms_nothing(tmp_path: Path) -> None:
         write_state(tmp_path, SERVER)
         with pytest.raises(InstallationError, match=f"process {SERVER.pid}"), the_only_server(tmp_path):
             pytest.fail("two servers in one folder")
-        assert find_server(tmp_path) == FoundServer(SERVER, alive=True)
+        assert find_server(tmp_path) == SERVER
 
 
 def killed_server(folder: Path) -> RunningServer:
@@ -82,13 +82,13 @@ def test_a_command_that_looks_for_the_server_does_not_keep_it_from_starting(tmp_
     timer.start()
     with the_only_server(tmp_path):
         write_state(tmp_path, SERVER)
-        assert find_server(tmp_path) == FoundServer(SERVER, alive=True)
+        assert find_server(tmp_path) == SERVER
     timer.join()
 
 
 def test_a_killed_server_is_known_to_be_dead_though_its_number_lives(tmp_path: Path) -> None:
     killed_server(tmp_path)
-    assert find_server(tmp_path) == FoundServer(SERVER, alive=False)
+    assert find_server(tmp_path) == replace(SERVER, alive=False)
     with the_only_server(tmp_path):
         pass
     assert find_server(tmp_path) is None

@@ -22,9 +22,12 @@ def of_a_runner(start: Start) -> tuple[RunRecord, subprocess.Popen[str]]:
     """A run and the process that carries it out, as a runner starts it."""
     started = RunRecord.of("one", Path("/data/block-7/project.toml"), "aerial-triangulation", "Running")
     process = start(
-        sys.executable, "-c", "input()", env={**os.environ, "PREFECT__FLOW_RUN_ID": "one"},
-        stdin=subprocess.PIPE,
+        sys.executable, "-c", "print(flush=True); input()", env={**os.environ, "PREFECT__FLOW_RUN_ID": "one"},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
     )  # fmt: skip
+    # While a program is loaded, the system does not know its variables.
+    assert process.stdout is not None
+    process.stdout.readline()
     return replace(started, begun=datetime.now(UTC), host=socket.gethostname(), process=process.pid), process
 
 
