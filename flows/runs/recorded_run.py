@@ -1,4 +1,4 @@
-"""A run of a project in the production records: noted when it begins and when it has ended. Its short text.
+"""A run of a project in the production records: noted when it begins and when it has ended.
 
 Without records (``aerocal run`` on its own) it is an ordinary run. Records that cannot be written are
 reported and stop no adjustment; missing entries are completed from the server's own records
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -19,17 +19,16 @@ from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
 from tasks.patience import Patience
-from tasks.production.notice import KINDS, Notice, report_address
+from tasks.production.notice import KINDS, Notice
 from tasks.production.records import configured_records, write_notice
 from tasks.production.run_record import (
     OVERVIEW_VARIABLE,
     PUBLISHING,
     RECORDS_VARIABLE,
+    RunFigures,
     RunRecord,
     State,
-    project_name,
 )
-from tasks.production.short_text import ShortText
 from tasks.production.stages import stages_since
 from tasks.store.stage_record import utc_now
 
@@ -95,23 +94,26 @@ def carry_out_recorded(story: Story, request: RunRequest, identity: FlowRunIdent
     return outcome
 
 
-def note_refusal(identity: FlowRunIdentity, project: str | Path, message: str) -> None:
-    """Record a run that was refused before it began.
+def refused_run(project: str | Path, state: State, message: str, identity: FlowRunIdentity) -> RunRecord:
+    """A run that has ended before it began.
 
     Parameters
     ----------
     project : its file; a text: as given, where there is none.
     """
+    run = RunRecord.of(identity.id, Path(project), identity.story, state, message)
+    return run if isinstance(project, Path) else replace(run, project=project, project_file="")
+
+
+def note_refusal(run: RunRecord) -> None:
+    """Record a run that was refused."""
     records = configured_records()
     if records is None:
         return
-    run = RunRecord.of(identity.id, Path(project), identity.story, "Running")
-    if isinstance(project, str):
-        run = replace(run, project=project, project_file="")
 
     def write() -> None:
         records.begin(run)
-        records.end(identity.id, "InputError", message)
+        records.end(run.id, run.state, run.message)
 
     _noted(write, _PATIENCE_END)
 
@@ -149,36 +151,16 @@ def _noted(write: Callable[[], None], patience: Patience) -> None:
         _log.warning("the record of runs could not be written: %s", error)
 
 
-def text_of_outcome(outcome: RunOutcome, identity: FlowRunIdentity) -> ShortText:
-    """The text that the dashboard shows of a run that has ended with an outcome."""
+def ended_run(outcome: RunOutcome, identity: FlowRunIdentity) -> RunRecord:
+    """A run that has ended with an outcome, as the dashboard shows it."""
     problems = outcome.summary.problems if outcome.state in PUBLISHING else ()
     place = outcome.place.absolute() if isinstance(outcome.place, Path) else outcome.place
-    file = outcome.request.project_file.absolute()
-    return _short_text(file, outcome.state, outcome.message, identity, problems, str(place))
+    file, figures = outcome.request.project_file.absolute(), RunFigures(problems=problems)
+    more = {"directory": str(place), "figures": figures}
+    return RunRecord.of(identity.id, file, identity.story, outcome.state, outcome.message, **more)
 
 
-def text_of_refusal(project: str | Path, state: State, message: str, identity: FlowRunIdentity) -> ShortText:
-    """The text of a run that has no outcome.
-
-    Parameters
-    ----------
-    project : its file; a text: as given, where there is none.
-    """
-    return _short_text(Path(project), state, message, identity)
-
-
-def _short_text(
-    project: Path,
-    state: State,
-    message: str,
-    identity: FlowRunIdentity,
-    problems: Sequence[str] = (),
-    place: str = "",
-) -> ShortText:
-    links, overview = [], os.environ.get(OVERVIEW_VARIABLE, "").rstrip("/")
-    if overview and os.environ.get(RECORDS_VARIABLE):
-        if state in PUBLISHING:
-            links.append(("Report", report_address(overview, identity.id, identity.story)))
-        links.append(("Production page", f"{overview}/"))
-    name = project_name(project) or str(project)
-    return ShortText(name, project, identity.story, state, message, problems, place, links)
+def configured_overview(environment: Mapping[str, str] = os.environ) -> str | None:
+    """Address of the production page that shows the runs of this process; None: there is none."""
+    base = environment.get(OVERVIEW_VARIABLE)
+    return base.rstrip("/") if base and environment.get(RECORDS_VARIABLE) else None

@@ -27,10 +27,10 @@ from flows.runs.examination_request import ExaminationRequest
 from flows.runs.project_run import RunRequest, StoryName, story_named
 from flows.runs.recorded_run import (
     carry_out_recorded,
+    ended_run,
     note_refusal,
+    refused_run,
     tell_without_record,
-    text_of_outcome,
-    text_of_refusal,
 )
 from flows.runs.stage import state_name
 from flows.server.api import configured_api
@@ -115,11 +115,12 @@ def _confined(
         request = requested(file, out, settings.overrides(), roots=roots.folders, address=address)
         outcome = carry_out_recorded(story_named(story), request, identity())
     except (InputError, InstallationError) as error:
+        run = refused_run(about, state_name(error), str(error), identity())
         if isinstance(error, InputError):
-            note_refusal(identity(), about, str(error))
-        show(text_of_refusal(about, state_name(error), str(error), identity()))
+            note_refusal(run)
+        show(run)
         return _failed(error)
-    show(text_of_outcome(outcome, identity()))
+    show(ended_run(outcome, identity()))
     return state_of(outcome)
 
 

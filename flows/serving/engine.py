@@ -40,7 +40,7 @@ def main() -> None:
     from prefect.engine import handle_engine_signals
     from prefect.flow_engine import run_flow
 
-    from flows.runs.recorded_run import note_refusal
+    from flows.runs.recorded_run import note_refusal, refused_run
     from flows.serving.registered import identity
 
     logging.getLogger("prefect.task_runs").addFilter(foreseen)
@@ -54,7 +54,8 @@ def main() -> None:
                 f"There is no story '{visible(name)}'." if flow is None else trouble_in(flow, run.parameters)
             )
             if trouble is not None:
-                note_refusal(identity(), visible(str(run.parameters.get("project", ""))), trouble)
+                project = visible(str(run.parameters.get("project", "")))
+                note_refusal(refused_run(project, "InputError", trouble, identity()))
                 _refuse(client, run, trouble)
         if flow is not None and trouble is None:
             # As a state, so that one that is foreseen (a gate that failed) is not raised.

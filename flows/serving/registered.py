@@ -20,8 +20,9 @@ from prefect.runtime import flow_run
 from prefect.states import Completed, Failed, raise_state_exception
 
 from flows.runs.project_run import RunOutcome, RunRequest, Story
-from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded, text_of_outcome
-from tasks.production.short_text import ShortText
+from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded, configured_overview, ended_run
+from tasks.production.run_record import RunRecord
+from tasks.production.short_text import text_key, text_line, text_of
 
 _HOUR_S = 3600
 _log = logging.getLogger("aerocal")
@@ -39,14 +40,14 @@ def identity(*, deployed: bool = True) -> FlowRunIdentity:
     return FlowRunIdentity(str(flow_run.id), str(flow_run.flow_name), deployed)
 
 
-def show(text: ShortText) -> None:
-    """Store the text of the active flow run; a refusal by the server is reported."""
+def show(run: RunRecord) -> None:
+    """Store the short text of the active flow run; a refusal by the server is reported."""
     try:
         artifact = ArtifactCreate(
-            key=f"{text.key}-verdict",
+            key=f"{text_key(run)}-verdict",
             type="markdown",
-            description=text.line,
-            data=text.markdown,
+            description=text_line(run),
+            data=text_of(run, configured_overview()),
             flow_run_id=UUID(str(flow_run.id)),
         )
         with get_client(sync_client=True) as client:
@@ -73,7 +74,7 @@ def run_and_report(request: RunRequest, name: str, story: Callable[[], Story]) -
 
     def run(project_file: str, out: str | None, overrides: list[str], data: str | None) -> State[None]:  # noqa: ARG001 - shown by the server
         outcome = carry_out_recorded(story(), request, identity(deployed=False))
-        show(text_of_outcome(outcome, identity()))
+        show(ended_run(outcome, identity()))
         ended.append(outcome)
         return state_of(outcome)
 

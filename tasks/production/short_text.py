@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
 
 from tasks.plain_text import visible
+from tasks.production.notice import report_address
+from tasks.production.run_record import PUBLISHING, RunRecord
 
 #: What to do about a state; shown here and on the production page.
 REMEDIES: Mapping[str, str] = {
@@ -38,54 +38,42 @@ _FIRST = re.compile(r"^([-+=]|\d+(?=[.)](?:\s|$)))")
 _HTML = {ord("&"): "&amp;", ord("<"): "&lt;", ord(">"): "&gt;"}
 
 
-@dataclass(frozen=True)
-class ShortText:
-    """A run that has ended, as the dashboard shows it.
+def text_key(run: RunRecord) -> str:
+    """The same for all runs of a story on a project: small letters, digits and dashes."""
+    # The file tells two projects of one name apart.
+    place = hashlib.sha256((run.project_file or run.project).encode(errors="surrogateescape")).hexdigest()[:8]
+    name = re.sub(r"[^a-z0-9]+", "-", _one_line(run.project).lower()).strip("-")[:_SLUG].strip("-")
+    return "-".join(part for part in (name, place, run.story) if part)
 
-    Attributes
+
+def text_line(run: RunRecord) -> str:
+    """State and message as one line of Markdown."""
+    return inert(f"{run.state}: {run.message}")
+
+
+def text_of(run: RunRecord, overview: str | None) -> str:
+    """The text as Markdown.
+
+    Parameters
     ----------
-    project, project_file, story : what was done to which project; the file tells two of one name apart.
-    state, message : how it ended, and sentences on that.
-    problems : plain sentences, the most serious first.
-    place : where the results are; "": nowhere.
-    links : words and addresses of ours, their parts percent-encoded.
+    overview : address of the production page that shows the run; None: there is none.
     """
-
-    project: str
-    project_file: Path
-    story: str
-    state: str
-    message: str
-    problems: Sequence[str] = ()
-    place: str = ""
-    links: Sequence[tuple[str, str]] = ()
-
-    @property
-    def key(self) -> str:
-        """The same for all runs of a story on a project: small letters, digits and dashes."""
-        place = hashlib.sha256(str(self.project_file).encode(errors="surrogateescape")).hexdigest()[:8]
-        name = re.sub(r"[^a-z0-9]+", "-", _one_line(self.project).lower()).strip("-")[:_SLUG].strip("-")
-        return "-".join(part for part in (name, place, self.story) if part)
-
-    @property
-    def line(self) -> str:
-        """State and message as one line of Markdown."""
-        return inert(f"{self.state}: {self.message}")
-
-    @property
-    def markdown(self) -> str:
-        """The text as Markdown."""
-        links = [f"[{inert(words)}](<{address}>)" for words, address in self.links]
-        problems = [f"- {inert(problem)}" for problem in self.problems[:_MOST_PROBLEMS]]
-        more = len(self.problems) - len(problems)
-        parts = [
-            f"**{self.line}**",
-            " · ".join((inert(f"Project {self.project}"), inert(self.story), *links)),
-            "\n".join([*problems, *([f"- {more} more in summary.json."] if more > 0 else [])]),
-            REMEDIES.get(self.state, ""),
-            f"Folder: {code(self.place)}" if self.place else "",
-        ]
-        return "\n\n".join(part for part in parts if part) + "\n"
+    links = []
+    if overview is not None and run.state in PUBLISHING:
+        links.append(f"[Report](<{report_address(overview, run.id, run.story)}>)")
+    if overview is not None:
+        links.append(f"[Production page](<{overview}/>)")
+    said = run.figures.problems
+    problems = [f"- {inert(problem)}" for problem in said[:_MOST_PROBLEMS]]
+    more = len(said) - len(problems)
+    parts = [
+        f"**{text_line(run)}**",
+        " · ".join((inert(f"Project {run.project}"), inert(run.story), *links)),
+        "\n".join([*problems, *([f"- {more} more in summary.json."] if more > 0 else [])]),
+        REMEDIES.get(run.state, ""),
+        f"Folder: {code(run.directory)}" if run.directory else "",
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def inert(text: str) -> str:

@@ -104,7 +104,7 @@ def test_a_failed_gate_is_the_state_and_the_verdict_and_a_verdict_that_cannot_be
     from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterFlowRunId
 
     from flows.serving.registered import show
-    from tasks.production.short_text import ShortText
+    from tasks.production.run_record import RunRecord
 
     run, kind, name, message = as_flow(warm_block, results_of(warm_block), "gates.sigma0.max=0.71")
     assert (kind, name) == ("FAILED", "GateFailed")
@@ -118,7 +118,7 @@ def test_a_failed_gate_is_the_state_and_the_verdict_and_a_verdict_that_cannot_be
 
     @flow(name="refused")
     def refused() -> str:
-        show(ShortText("block", Path("project.toml"), "No Such Key", "Failed", ""))
+        show(RunRecord.of("1", Path("project.toml"), "No Such Key", "Failed"))
         return "done"
 
     log = logging.getLogger("aerocal")
