@@ -38,6 +38,8 @@ STILL_S = 5.0
 #: What is read of a listed file before it is asked whether the look is called off, bytes.
 _PIECE_BYTES = 4_000_000
 
+#: What macOS and Windows write into a folder that somebody looks at.
+_OF_VIEWERS = (".DS_Store", "Thumbs.db", "desktop.ini")
 _LISTED = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
 
 
@@ -224,12 +226,13 @@ def _digest(file: Path, is_over: Callable[[], bool]) -> str:
 
 
 def _key(folder: Path, files: Mapping[Path, os.stat_result]) -> str:
-    """Digest of what was delivered: names, sizes and times of all files but results.
+    """Digest of what was delivered: names, sizes and times of all files but results and what viewers write.
 
     Another form of it would process all deliveries again.
     """
     told = [str(folder.resolve())]
-    for file, status in sorted(files.items(), key=lambda one: one[0]):
+    delivered = ((file, status) for file, status in files.items() if file.name not in _OF_VIEWERS)
+    for file, status in sorted(delivered, key=lambda one: one[0]):
         told.append(f"{file.relative_to(folder)} {status.st_size} {status.st_mtime_ns}")
     return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
