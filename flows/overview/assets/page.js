@@ -68,8 +68,15 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
       if (refreshed && refreshed !== answer.time) Object.assign(answer, {
         time: refreshed, came: performance.now(), ahead: Date.now() - Date.parse(refreshed),
       });
-      window.dash_ag_grid.getApiAsync("projects").then((grid) =>
-        grid.refreshCells({ columns: ["changed", "seconds"], force: true }));
+      window.dash_ag_grid.getApiAsync("projects").then((grid) => {
+        grid.refreshCells({ columns: ["changed", "seconds"], force: true });
+        /* Beside two columns that stay, a narrow screen has no room for those that do not, and the grid
+           lets go of both. */
+        const narrow = window.matchMedia("(max-width: 800px)").matches;
+        grid.applyColumnState({ state: [
+          { colId: "project", pinned: "left" }, { colId: "state", pinned: narrow ? null : "left" },
+        ] });
+      });
       if (!refreshed) return "";
       const silent = (performance.now() - answer.came) / 1000;
       return silent < 45 ? "" : "No answer for " + Math.round(silent) +

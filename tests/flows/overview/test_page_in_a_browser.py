@@ -91,3 +91,27 @@ def test_all_links_of_a_row_can_be_seen(sources: Sources, records: Records, brow
             # Links end with a gap, and cells with another one.
             assert link["x"] + link["width"] <= around["x"] + around["width"] - 18.0
     page.close()
+
+
+def test_a_narrow_screen_has_room_for_the_columns_that_are_scrolled(
+    sources: Sources, records: Records, browser: Browser
+) -> None:
+    ended(records, run("block-7"))
+    page, port = (
+        browser.new_page(
+            extra_http_headers={"Authorization": basic(DOOR.password)},
+            viewport={"width": 390, "height": 800},
+        ),
+        free_port("127.0.0.1"),
+    )
+    with page_server(sources, "127.0.0.1", port):
+        page.goto(f"http://127.0.0.1:{port}/")
+        expect(page.locator(".ag-pinned-left-header [col-id=project]")).to_be_visible(timeout=60_000)
+        expect(page.locator(".ag-pinned-left-header [col-id=state]")).to_have_count(0, timeout=20_000)
+        room = page.locator(".ag-center-cols-viewport").bounding_box()
+        assert room is not None
+        assert room["width"] > 150.0
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        page.set_viewport_size({"width": 1200, "height": 800})
+        expect(page.locator(".ag-pinned-left-header [col-id=state]")).to_have_count(1, timeout=30_000)
+    page.close()
