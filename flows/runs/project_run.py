@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from tasks.errors import AerocalError, InputError, NotComputableError
+from tasks.errors import InputError, NotComputableError
 from tasks.files.delivered_file import is_there, trouble_of_folder
 from tasks.files.installation import InstallationError, writing_into
 from tasks.object_storage.address import ObjectAddress, output_place
@@ -239,10 +239,8 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
         with run_lock(request.directory, request.roots):
             store.begin_run()
             return RunOutcome(request, story(read, store))
-    except InputError as error:
-        return _without_result(request, store, "input_error", error)
-    except NotComputableError as error:
-        return _without_result(request, store, "not_computable", error)
+    except (InputError, NotComputableError) as error:
+        return _without_result(request, store, error)
 
 
 def _say_what_is_between_results(request: RunRequest, read: object) -> None:
@@ -259,11 +257,13 @@ def _say_what_is_between_results(request: RunRequest, read: object) -> None:
         )  # fmt: skip
 
 
-def _without_result(
-    request: RunRequest, store: Store, status: Literal["input_error", "not_computable"], error: AerocalError
-) -> RunOutcome:
+def _without_result(request: RunRequest, store: Store, error: InputError | NotComputableError) -> RunOutcome:
     """State in summary.json why there is no result; all other files are left unchanged."""
-    summary = failed_summary(status, str(error), timings_s(read_records(store.folder)))
+    summary = failed_summary(
+        "input_error" if isinstance(error, InputError) else "not_computable",
+        str(error),
+        timings_s(read_records(store.folder)),
+    )
     # A mistyped project path must not leave a results folder in some unrelated place.
     if request.place is not None or is_there(request.project_file):
         with writing_into(request.directory), run_lock(request.directory, request.roots):

@@ -193,17 +193,16 @@ def _flow_run(answer: Mapping[str, Any]) -> FlowRun:
     )
 
 
-def set_state(api: Api, run_id: str, kind: str, name: str, message: str, *, force: bool) -> bool:
-    """Set the state of a run on the server; returns whether it is in that state now.
+def set_state(api: Api, run_id: str, kind: str, name: str, message: str, *, force: bool) -> None:
+    """Set the state of a run on the server, unless its rules are against it.
 
     Parameters
     ----------
     kind, name, message : of the state.
-    force : also where the server's rules, by which a run that has ended stays so, are against it.
+    force : also where the rules, by which a run that has ended stays so, are against it.
     """
     state = {"type": kind, "name": name, "message": message}
-    answer = api.post(f"/flow_runs/{run_id}/set_state", {"state": state, "force": force})
-    return bool(answer["status"] == "ACCEPT")
+    api.post(f"/flow_runs/{run_id}/set_state", {"state": state, "force": force})
 
 
 #: Name of the silence_automation; one of this name that differs is replaced.

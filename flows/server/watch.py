@@ -131,12 +131,8 @@ def _tell_decisions(api: Api, records: Records) -> None:
         # Somebody may have started it again; then it has come into its state after the end that is noted.
         unheard = run.ended is not None and found.since <= run.ended and died_here(run)
         if found.type == "CRASHED" or unheard:
-            _tell(api, run)
-
-
-def _tell(api: Api, run: RunRecord) -> None:
-    kind: Mapping[bool, str] = {True: "COMPLETED", False: "FAILED"}
-    set_state(api, run.id, kind[run.state == "Completed"], run.state, run.message, force=True)
+            kind = "COMPLETED" if run.state == "Completed" else "FAILED"
+            set_state(api, run.id, kind, run.state, run.message, force=True)
 
 
 _MESSAGE = "It was terminated by the machine; completed stages are kept."

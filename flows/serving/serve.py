@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from datetime import datetime
 from functools import partial
@@ -166,16 +166,14 @@ class _Serving:
     def _runner(self) -> Child:
         return _start_runner(self.settings, self.api, self.of_runner, [self.of_server])
 
-    @contextmanager
-    def _page(self, watch: Watch) -> Iterator[None]:
+    def _page(self, watch: Watch) -> AbstractContextManager[None]:
         from flows.overview.application import page_server
         from flows.overview.sources import Sources
 
         settings, dashboard = self.settings, self.settings.address.dashboard
         of_server = (dashboard, settings.roots, self.api, self.door, settings.registry)
         sources = Sources(self.records, *of_server, lambda: watch.inbox)
-        with page_server(sources, settings.overview.host, settings.overview.port):
-            yield
+        return page_server(sources, settings.overview.host, settings.overview.port)
 
     def _server_has_ended(self, server: Supervised) -> None:
         server.end()

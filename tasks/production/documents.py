@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tasks.errors import AerocalError, InputError
+from tasks.errors import InputError
 from tasks.files.delivered_file import lies_under, read_delivered
 from tasks.production.records import Records
 from tasks.production.run_record import PUBLISHING, RunRecord
@@ -30,17 +30,8 @@ _RUN = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,199}")
 
 
-class NoDocumentError(AerocalError):
-    """There is no such document.
-
-    Parameters
-    ----------
-    what : what is missing, a sentence.
-    remedy : what can be done.
-    """
-
-    def __init__(self, what: str, remedy: str) -> None:
-        super().__init__(f"{what} {remedy}")
+class NoDocumentError(InputError):
+    """There is no such document."""
 
 
 class ChangedDocumentError(NoDocumentError):
