@@ -62,6 +62,21 @@ class PixelMap:
         reach = self.reach[rows[0] // COARSE : -(-rows[1] // COARSE)]
         return float(np.fmin.reduce(reach[:, 0])), float(np.fmax.reduce(reach[:, 1]))
 
+    def source_columns(self, rows: tuple[int, int], columns: tuple[int, int]) -> tuple[float, float]:
+        """Least and largest column in the source of a part of the image; NaN: none."""
+        top, left = rows[0] // COARSE, columns[0] // COARSE
+        bottom, right = -(-rows[1] // COARSE), -(-columns[1] // COARSE)
+        divided = self.divided[top:bottom, left:right]
+        fine = divided[divided >= 0]
+        again = self.divided_again[fine]
+        found = [
+            self.nodes[top : bottom + 1, left : right + 1, 0],
+            self.fine[fine, ..., 0],
+            self.finest[again[again >= 0], ..., 0],
+        ]
+        every = np.concatenate([some.ravel() for some in found])
+        return float(np.fmin.reduce(every)), float(np.fmax.reduce(every))
+
     def at(self, column: Ints, row: Ints) -> Floats:
         """Positions (n, 2) in the source of pixels (n,), (n,)."""
         found = np.empty((len(column), 2))

@@ -32,19 +32,22 @@ _PORTION = 16
 
 @dataclass(frozen=True, eq=False)
 class SourceRows:
-    """Rows of the image that is resampled.
+    """Rows of the image that is resampled, or the part of them that is needed.
 
     Attributes
     ----------
-    pixels : (bands, h, columns).
-    valid : (1 or bands, h, columns) which are valid; None: all.
+    pixels : (bands, h, w).
+    valid : (1 or bands, h, w) which are valid; None: all.
     first, all_rows : number of the first row here, and of the rows of the whole image.
+    first_column, all_columns : the same of columns; None: those here are all.
     """
 
     pixels: Pixels
     valid: Bools | None
     first: int
     all_rows: int
+    first_column: int = 0
+    all_columns: int | None = None
 
 
 @dataclass(frozen=True)
@@ -72,8 +75,8 @@ class ResampledRows:
 
     Attributes
     ----------
-    pixels : (bands, r, columns).
-    valid : (1, r, columns) where the nearest pixel of the source is valid; None: the source had no mask.
+    pixels : (bands, r, c).
+    valid : (1, r, c) where the nearest pixel of the source is valid; None: the source had no mask.
     outside : number of pixels without a source.
     """
 
@@ -89,12 +92,22 @@ def resampled(
     values: Values,
     resampling: Resampling,
     threads: int = 1,
+    columns: tuple[int, int] | None = None,
 ) -> ResampledRows:
-    """Rows from rows[0] to below rows[1]; `source` must have those that `needed_rows` says."""
+    """Rows from rows[0] to below rows[1].
+
+    Parameters
+    ----------
+    source : must have the rows and columns that `needed_rows` and `needed_columns` say.
+    columns : first, a multiple of 64, and last + 1; None: all.
+    """
     bands, given = len(source.pixels), source.pixels.dtype
     # The kernel is compiled for each type, for some seconds: float64 holds the values of all rare ones.
     taken = source.pixels.astype(given if given in _COMPILED else np.float64, copy=False)
-    out = np.empty((bands, rows[1] - rows[0], pixels.columns), taken.dtype)
+    left, right = columns or (0, pixels.columns)
+    out = np.empty((bands, rows[1] - rows[0], right - left), taken.dtype)
+    all_columns = taken.shape[2] if source.all_columns is None else source.all_columns
+    origin, size = (source.first, source.first_column), (source.all_rows, all_columns)
     masked = source.valid is not None
     valid = source.valid.view(np.uint8) if source.valid is not None else np.empty((0, 1, 1), np.uint8)
     out_valid = np.zeros((1, *out.shape[1:]) if masked else (0, 1, 1), np.uint8)
@@ -103,10 +116,10 @@ def resampled(
 
     def portion(first: int) -> None:
         outside[first] = resample(
-            taken, valid, source.first, source.all_rows, is_nearest,
+            taken, valid, origin, size, is_nearest,
             pixels.nodes, pixels.divided, pixels.fine, pixels.divided_again, pixels.finest,
             _weights(resampling), np.issubdtype(given, np.integer), values.least, values.largest,
-            np.nan if values.nodata is None else values.nodata, values.fill, rows[0],
+            np.nan if values.nodata is None else values.nodata, values.fill, (rows[0], left),
             (first, min(first + _PORTION, out.shape[1])), out, out_valid,
         )  # fmt: skip
 
@@ -117,11 +130,23 @@ def resampled(
 
 def needed_rows(pixels: PixelMap, rows: tuple[int, int], all_rows: int) -> tuple[int, int]:
     """First and last + 1 of the rows of the source for rows of the image; the first row, if there is none."""
-    lowest, highest = pixels.source_rows(rows)
-    if not (highest >= 0.0 and lowest <= all_rows - 1.0):
+    return _with_reach(pixels.source_rows(rows), all_rows)
+
+
+def needed_columns(
+    pixels: PixelMap, rows: tuple[int, int], columns: tuple[int, int], all_columns: int
+) -> tuple[int, int]:
+    """The same of the columns of the source for columns of rows of the image."""
+    return _with_reach(pixels.source_columns(rows, columns), all_columns)
+
+
+def _with_reach(extent: tuple[float, float], count: int) -> tuple[int, int]:
+    """First and last + 1 of the `count` rows or columns around positions."""
+    lowest, highest = extent
+    if not (highest >= 0.0 and lowest <= count - 1.0):
         return 0, 1
     reach = _weights("lanczos").shape[1] // 2
-    return max(int(np.floor(lowest)) - reach, 0), min(int(np.floor(highest)) + reach + 2, all_rows)
+    return max(int(np.floor(lowest)) - reach, 0), min(int(np.floor(highest)) + reach + 2, count)
 
 
 @cache

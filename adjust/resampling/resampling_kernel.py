@@ -16,13 +16,13 @@ _CELL = 64
 @small_kernel
 def is_inside(x, y, rows, columns):
     """Whether a position is in one of the pixels of the image; NaN is not."""
-    return -0.5 <= x < columns - 0.5 and rows[0] - 0.5 <= y < rows[1] + 0.5
+    return columns[0] - 0.5 <= x < columns[1] + 0.5 and rows[0] - 0.5 <= y < rows[1] + 0.5
 
 
 @small_kernel
 def is_whole_square(valid, plane, top, left, taps, rows, columns):
     """Whether a square is within the image and all of it is valid; plane −1: all is."""
-    if left < 0 or left + taps > columns or top < rows[0] or top + taps - 1 > rows[1]:
+    if left < columns[0] or left + taps - 1 > columns[1] or top < rows[0] or top + taps - 1 > rows[1]:
         return False
     if plane >= 0:
         for i in range(taps):
@@ -52,7 +52,7 @@ def bilinear_of_valid(source, band, valid, plane, top, left, u, v, rows, columns
     for i in range(2):
         for j in range(2):
             row, column = top + i, left + j
-            if row < rows[0] or row > rows[1] or column < 0 or column >= columns:
+            if row < rows[0] or row > rows[1] or column < columns[0] or column > columns[1]:
                 continue
             if plane >= 0 and not valid[plane, row, column]:
                 continue
@@ -76,13 +76,14 @@ def storable(value, is_integer, least, largest, nodata):
 
 @kernel
 def resample_band(
-    source, valid, band, x, y, count, weights, rows, is_integer, least, largest, nodata, fill, out, r, start
-):
+    source, valid, band, x, y, count, weights, rows, columns, is_integer, least, largest, nodata, fill, out,
+    r, start,
+):  # fmt: skip
     """The pixels of a band from column start of row r on, at columns x and rows y (count,) of the source.
 
-    rows: the first and the last of the image, as rows of source.
+    rows, columns: the first and the last of the image, as rows and columns of source.
     """
-    columns, steps, taps = source.shape[2], weights.shape[0] - 1, weights.shape[1]
+    steps, taps = weights.shape[0] - 1, weights.shape[1]
     plane, reach = min(band, len(valid) - 1), taps // 2 - 1
     for c in range(count):
         if not is_inside(x[c], y[c], rows, columns):
@@ -104,10 +105,10 @@ def resample_band(
 
 
 @kernel
-def nearest_of_plane(source, plane, x, y, count, rows, fill, out, r, start):
+def nearest_of_plane(source, plane, x, y, count, rows, columns, fill, out, r, start):
     """The same of the nearest pixels."""
     for c in range(count):
-        if is_inside(x[c], y[c], rows, source.shape[2]):
+        if is_inside(x[c], y[c], rows, columns):
             near_row, near_column = int(np.floor(y[c] + 0.5)), int(np.floor(x[c] + 0.5))
             out[plane, r, start + c] = source[plane, near_row, near_column]
         else:
@@ -116,35 +117,41 @@ def nearest_of_plane(source, plane, x, y, count, rows, fill, out, r, start):
 
 @kernel
 def resample(
-    source, valid, source_row, source_rows, is_nearest, nodes, divided, fine, divided_again, finest, weights,
-    is_integer, least, largest, nodata, fill, first_row, rows, out, out_valid,
+    source, valid, origin, size, is_nearest, nodes, divided, fine, divided_again, finest, weights, is_integer,
+    least, largest, nodata, fill, first, rows, out, out_valid,
 ):  # fmt: skip
-    """Rows of out (bands, r, c), whose first is row first_row of the image; returns how many pixels have no source.
+    """Rows of out (bands, r, c), which begins at pixel first of the image; returns how many have no source.
 
-    source (bands, h, w) begins with row source_row of source_rows, and has all that is requested; valid (0, 1
-    or bands, h, w). Bands of is_nearest have the nearest pixel. weights (s + 1, taps) for s steps between two
-    pixels. nodata NaN: none. fill is where there is no source; out_valid (1, r, c) is 1 where the nearest
-    pixel of the first plane of valid is.
-    """  # noqa: E501
+    first: row and column, a multiple of 64. source (bands, h, w) begins at origin (row, column) of an image
+    of size (rows, columns) and has all that is requested; valid (0, 1 or bands, h, w). Bands of is_nearest
+    have the nearest pixel. weights (s + 1, taps) for s steps between two pixels. nodata NaN: none. fill is
+    where there is no source; out_valid (1, r, c) is 1 where the nearest pixel of the first plane of valid is.
+    """
     x, y = np.empty(_CELL), np.empty(_CELL)
-    inside_rows = (-source_row, source_rows - 1 - source_row)
+    inside_rows = (-origin[0], size[0] - 1 - origin[0])
+    inside_columns = (-origin[1], size[1] - 1 - origin[1])
     outside = 0
     for r in range(rows[0], rows[1]):
-        row = first_row + r
+        row = first[0] + r
         for start in range(0, out.shape[2], _CELL):
             count = min(_CELL, out.shape[2] - start)
-            positions_of_cell(row, start // _CELL, nodes, divided, fine, divided_again, finest, x, y)
-            y -= source_row
+            cell = (first[1] + start) // _CELL
+            positions_of_cell(row, cell, nodes, divided, fine, divided_again, finest, x, y)
+            # Exact: a position in the source is not before its origin.
+            x -= origin[1]
+            y -= origin[0]
             for c in range(count):
-                outside += not is_inside(x[c], y[c], inside_rows, source.shape[2])
+                outside += not is_inside(x[c], y[c], inside_rows, inside_columns)
             if len(valid):
-                nearest_of_plane(valid, 0, x, y, count, inside_rows, 0, out_valid, r, start)
+                nearest_of_plane(valid, 0, x, y, count, inside_rows, inside_columns, 0, out_valid, r, start)
             for band in range(len(source)):
                 if is_nearest[band]:
-                    nearest_of_plane(source, band, x, y, count, inside_rows, fill, out, r, start)
+                    nearest_of_plane(
+                        source, band, x, y, count, inside_rows, inside_columns, fill, out, r, start
+                    )
                 else:
                     resample_band(
-                        source, valid, band, x, y, count, weights, inside_rows, is_integer, least, largest,
-                        nodata, fill, out, r, start,
+                        source, valid, band, x, y, count, weights, inside_rows, inside_columns, is_integer,
+                        least, largest, nodata, fill, out, r, start,
                     )  # fmt: skip
     return outside

@@ -93,7 +93,7 @@ class ImageDescription:
     validity : how it says which pixels are valid.
     nodata : value of pixels without data; None: there is none.
     alpha : numbers from 0 of the bands that are alpha.
-    block_rows : rows of one block of the file, which are decoded together.
+    block_rows, block_columns : of one block of the file, which is decoded as a whole.
     """
 
     path: Path
@@ -106,6 +106,7 @@ class ImageDescription:
     nodata: float | None
     alpha: tuple[int, ...]
     block_rows: int
+    block_columns: int
 
     @property
     def largest(self) -> float:
@@ -234,7 +235,7 @@ def _description(path: Path, dataset: Any) -> ImageDescription:
         "all" if validity == "nodata" and nodata is None else validity,
         nodata,
         tuple(k for k, colour in enumerate(dataset.colorinterp) if colour == alpha),
-        dataset.block_shapes[0][0],
+        *dataset.block_shapes[0],
     )
 
 

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ from tasks.errors import InputError
 from tasks.files.installation import InstallationError, writing_into
 from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels, opened_image
 
+#: First row and last + 1, and columns.
+Window: TypeAlias = tuple[tuple[int, int], tuple[int, int]]
 # Higher strips are not written: a whole one is in memory, bytes.
 _HIGHEST_STRIP = 16_000_000
 # Compressions that change no pixel; JPEG is kept with its quality, everything else is deflated.
@@ -44,26 +46,45 @@ class ImageWriter:
 
     Attributes
     ----------
-    block_rows : rows of a block of the file; a multiple of them is written at a time.
+    block_rows, block_columns : of a block of the file; multiples of them are written at a time.
     dataset : rasterio's.
-    masks : rows of the mask that are still to be written: the first of them, and 8 pixels in a byte.
+    masks : parts of the mask that are still to be written: their windows, and 8 pixels in a byte.
     """
 
     block_rows: int
+    block_columns: int
     dataset: Any
-    masks: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
+    masks: list[tuple[Window, NDArray[np.uint8]]] = field(default_factory=list)
 
-    def write(self, first_row: int, pixels: Pixels, valid: Bools | None) -> None:
-        """Write rows (bands, r, columns); valid (1, r, columns) goes into the mask; None: there is none."""
-        # A file that has one band after the other gets their blocks in turn, row of blocks by row of blocks.
-        by_bands = _is_by_bands(self.dataset)
-        step = self.block_rows if by_bands else pixels.shape[1]
+    @property
+    def is_by_bands(self) -> bool:
+        """Whether the file has one band after the other; it gets them in turn, row of blocks by row."""
+        said = self.dataset.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE")
+        return bool(self.dataset.count > 1 and said == "BAND")
+
+    def write(
+        self, first: tuple[int, int], pixels: Pixels, valid: Bools | None, bands: slice | None = None
+    ) -> None:
+        """Write pixels (bands, r, c).
+
+        Parameters
+        ----------
+        first : row and column of their first.
+        valid : (1, r, c) goes into the mask; None: there is none.
+        bands : numbers from 0; None: all.
+        """
+        indexes = self.dataset.indexes[bands or slice(None)]
+        step = self.block_rows if self.is_by_bands else pixels.shape[1]
         for row in range(0, pixels.shape[1], step):
             some = pixels[:, row : row + step]
-            window = ((first_row + row, first_row + row + some.shape[1]), (0, some.shape[2]))
-            self.dataset.write(some, window=window)
+            self.dataset.write(some, indexes, window=_window((first[0] + row, first[1]), some))
         if valid is not None:
-            self.masks.append((first_row, np.packbits(valid[0], axis=1)))
+            self.masks.append((_window(first, valid), np.packbits(valid[0], axis=1)))
+
+
+def _window(first: tuple[int, int], pixels: Pixels) -> Window:
+    (row, column), (_, rows, columns) = first, pixels.shape
+    return (row, row + rows), (column, column + columns)
 
 
 @contextmanager
@@ -91,7 +112,8 @@ def image_like(source: ImageReader, path: Path, threads: int = 1) -> Iterator[Im
         try:
             with rasterio.open(part, "w", **options, num_threads=threads) as dataset:
                 _describe(dataset, source.dataset)
-                written = ImageWriter(dataset.block_shapes[0][0], dataset)
+                rows, columns = dataset.block_shapes[0]
+                written = ImageWriter(rows, columns, dataset)
                 yield written
             overviews = source.dataset.overviews(1)
             if written.masks or overviews:
@@ -116,10 +138,6 @@ def _part_of(path: Path) -> Path:
     """The name of a file while it is written, short enough for the endings that GDAL adds, too."""
     name = os.fsencode(path.name)
     return path.with_name(f".{path.name if len(name) <= _LONG else sha256(name).hexdigest()}.part")
-
-
-def _is_by_bands(dataset: Any) -> bool:
-    return bool(dataset.count > 1 and dataset.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "BAND")
 
 
 def left_out_of(source: ImageReader) -> tuple[str, ...]:
@@ -227,9 +245,9 @@ def _copy_tags(dataset: Any, source: Any, **of: Any) -> None:
 
 
 def _add_mask(dataset: Any, written: ImageWriter) -> None:
-    for first_row, packed in written.masks:
-        window = ((first_row, first_row + len(packed)), (0, dataset.width))
-        valid = np.unpackbits(packed, axis=1, count=dataset.width).astype(np.bool_)
+    for window, packed in written.masks:
+        first, end = window[1]
+        valid = np.unpackbits(packed, axis=1, count=end - first).astype(np.bool_)
         dataset.write_mask(valid, window=window)
 
 

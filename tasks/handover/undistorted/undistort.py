@@ -20,7 +20,7 @@ from tasks.files.installation import write_whole, writing_into
 from tasks.handover.formats.corrected_csv import ideal_cameras
 from tasks.handover.results import CalibratedCamera, film_cameras, read_cameras
 from tasks.handover.undistorted.camera_map import CameraMap, camera_map
-from tasks.handover.undistorted.undistorted_image import Work, undistort_image
+from tasks.handover.undistorted.undistorted_image import Work, coding_threads, undistort_image
 from tasks.image_files.image_reader import ImageDescription, described, opened_image
 from tasks.image_files.image_writer import left_out_of
 from tasks.nearest_name import did_you_mean
@@ -47,10 +47,11 @@ class Undistorted:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """An image to be written: its camera and its new name."""
+    """An image to be written: its camera, what it says about itself, and its new name."""
 
     path: Path
     camera: CalibratedCamera
+    about: ImageDescription
     file: str
 
 
@@ -121,11 +122,12 @@ def _carried_out(
     job: _Job, found: CameraMap, folder: Path, work: Work, progress: Callable[[str, float], None]
 ) -> UndistortedImage:
     """The image of a job, written."""
-    with opened_image(job.path, work.threads) as source:
+    with opened_image(job.path, coding_threads(job.about, work.threads)) as source:
         outside = undistort_image(
             source, found.pixels, folder / job.file, work, lambda part: progress(job.file, part)
         )
-        left_out, about = left_out_of(source), source.description
+        left_out = left_out_of(source)
+    about = job.about
     part, alpha = outside / (about.columns * about.rows), tuple(band + 1 for band in about.alpha)
     return UndistortedImage(job.file, job.camera.frame.name, work.resampling, part, left_out, alpha)
 
@@ -207,7 +209,7 @@ def _jobs(
             )
         if (folder / file).exists() and (folder / file).samefile(path):
             raise Location(path).error("The image would overwrite itself.", "Give another --out.")
-        jobs[file] = _Job(path, taken_by, file)
+        jobs[file] = _Job(path, taken_by, about, file)
     return list(jobs.values())
 
 

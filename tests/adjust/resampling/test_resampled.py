@@ -16,6 +16,7 @@ from adjust.resampling.resampled import (
     ResampledRows,
     SourceRows,
     Values,
+    needed_columns,
     needed_rows,
     resampled,
 )
@@ -171,7 +172,7 @@ def test_borders_are_interpolated_between_the_pixels_there_are() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_pixels_depend_neither_on_the_rows_at_a_time_nor_on_threads(kind: Kind) -> None:
+def test_pixels_depend_neither_on_the_window_nor_on_threads(kind: Kind) -> None:
     size = (COLUMNS, ROWS)
     of = pixel_map(lambda p: p + 1e-4 * (p - [70.0, 40.0]) ** 2 + 3.0 * (p > 61.3), size, size)
     pixels = noise("uint8")
@@ -181,8 +182,12 @@ def test_pixels_depend_neither_on_the_rows_at_a_time_nor_on_threads(kind: Kind) 
     for first in range(0, ROWS, 7):
         rows = (first, min(first + 7, ROWS))
         begin, end = needed_rows(of, rows, ROWS)
-        part = SourceRows(np.ascontiguousarray(pixels[:, begin:end]), None, begin, ROWS)
-        made = resampled(part, of, rows, limits("uint8"), kind)
-        np.testing.assert_array_equal(made.pixels, expected.pixels[:, rows[0] : rows[1]])
-        outside += made.outside
+        for columns in ((0, 64), (64, 128), (128, COLUMNS)):
+            left, right = needed_columns(of, rows, columns, COLUMNS)
+            assert right - left < 90
+            some = np.ascontiguousarray(pixels[:, begin:end, left:right])
+            part = SourceRows(some, None, begin, ROWS, left, COLUMNS)
+            made = resampled(part, of, rows, limits("uint8"), kind, columns=columns)
+            np.testing.assert_array_equal(made.pixels, expected.pixels[:, slice(*rows), slice(*columns)])
+            outside += made.outside
     assert outside == expected.outside > 0

@@ -52,7 +52,7 @@ def copied(
             for first in range(0, image.description.rows, step):
                 window = (first, min(first + step, image.description.rows))
                 valid = image.valid(window) if image.description.validity == "mask" else None
-                made.write(first, image.read(window), valid)
+                made.write((first, 0), image.read(window), valid)
     return path
 
 
@@ -201,7 +201,7 @@ def test_a_place_that_holds_for_the_pixels_is_left_out_and_named(tmp_path: Path)
 
 def broken_off(source: Path, path: Path) -> None:
     with opened_image(source) as image, image_like(image, path) as made:
-        made.write(0, image.read((0, 100)), None)
+        made.write((0, 0), image.read((0, 100)), None)
         raise ZeroDivisionError
 
 
@@ -248,7 +248,7 @@ def test_an_image_may_have_the_longest_name_there_is(tmp_path: Path, driver: str
     with opened_image(tmp_path / "a.tif") as source:
         data = source.read((0, ROWS))
         with image_like(source, path) as made:
-            made.write(0, data, None)
+            made.write((0, 0), data, None)
     with rasterio.open(path) as found:
         np.testing.assert_array_equal(found.read(), data)
     assert {file.name for file in tmp_path.iterdir()} == {"plain.tif", "a.tif", path.name}
