@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal.windows import tukey
 
 from adjust.arrays import Floats
 from adjust.image_quality.edge_profile import NormalizedPixels
@@ -81,4 +80,12 @@ def _line_spread(pixels: NormalizedPixels) -> Floats:
     edge = np.interp(middles, middles[known], total[known] / count[known])
     spread = np.zeros(bins)
     spread[1:-1] = 0.5 * (edge[2:] - edge[:-2])
-    return np.asarray(spread * tukey(bins, 0.5))
+    return spread * flat_within_half(bins)
+
+
+def flat_within_half(count: int) -> Floats:
+    """Tukey's window (count,), a cosine in the outer half: scipy.signal's, which takes 1.3 s to import."""
+    along = 4.0 * np.arange(count) / (count - 1)
+    # Each end by itself, as there, so that the last bit is the same.
+    outer = np.where(along < 2.0, np.minimum(along - 1.0, 0.0), np.maximum(along - 3.0, 0.0))
+    return np.asarray(0.5 * (1.0 + np.cos(np.pi * outer)))

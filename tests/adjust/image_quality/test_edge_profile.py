@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
+from scipy.signal.windows import tukey
 
 from adjust.arrays import Floats
 from adjust.image_quality.edge_fit import EdgeFit, fit_edge
 from adjust.image_quality.edge_model import edge_values, transfer
 from adjust.image_quality.edge_profile import edge_profile, normalized
 from adjust.image_quality.edge_samples import samples_of
-from adjust.image_quality.iso_12233 import frequency_response
+from adjust.image_quality.iso_12233 import flat_within_half, frequency_response
 from tests.adjust.image_quality.synthetic_edges import Kind, edge_image
 from tests.grids import diagonal_daily
 
@@ -117,3 +120,15 @@ def test_another_implementation_of_iso_12233_has_the_same_mtf50(slant: float, bl
         curve, _ = Peer().calc_sfr(patch, oversampling=8)
         theirs.append(float(np.interp(-0.5, -curve[:, 1][curve[:, 0] < 0.8], curve[:, 0][curve[:, 0] < 0.8])))
     assert np.mean(ours) == pytest.approx(np.mean(theirs), rel=0.02)
+
+
+@pytest.mark.parametrize("count", [47, 48, 49, 50])
+def test_the_window_is_that_of_scipy(count: int) -> None:
+    np.testing.assert_array_equal(flat_within_half(count), tukey(count, 0.5))
+
+
+def test_image_quality_loads_no_signal_processing() -> None:
+    """It took 1.3 s."""
+    code = "import sys, flows.stories.image_quality; print('scipy.signal' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
