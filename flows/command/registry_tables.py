@@ -22,7 +22,6 @@ from flows.command.registry_words import (
 )
 from flows.command.screen_table import facts_table, print_listed, screen, screen_table
 from tasks.document_kit.table import Number, decimals_for
-from tasks.documents.time_series.page import write_time_series
 from tasks.documents.time_series.plot import LIMIT
 from tasks.errors import InputError
 from tasks.files.json_text import json_text
@@ -99,6 +98,8 @@ def show_calibrations(what: str, plot: Path | None, address: str | None, *, as_j
         _show_camera(own)
         show_radiometric(examined, as_json=False)
     if plot is not None:
+        from tasks.documents.time_series.page import write_time_series
+
         write_time_series(plot, own)
         if not as_json:
             screen().print(Text(f"\nPlot: {plot}"), soft_wrap=True)
@@ -116,11 +117,14 @@ def _single(contents: Contents, what: str) -> StoredCalibration | None:
 
 
 def _show_one(item: StoredCalibration, contents: Contents) -> None:
+    from tasks.documents.certificate.words import in_words
+
     console, record = screen(), item.record
     console.print(Text(f"\nCalibration {item.id}: {item.camera.label}, version {item.version}", "bold"))
     console.print(_facts(item))
     of_camera = shared_numbers(contents.sisters(item.camera))
-    print_listed(console, (*record.reasons, *record.remarks, *of_camera), "yellow")
+    said = map(in_words, (*record.reasons, *record.remarks))
+    print_listed(console, (*said, *of_camera), "yellow")
     start = item.approval.validity.start if item.approval and item.approval.validity else None
     before = predecessor(contents, item, Validity(start or item.flown or date.max))
     test = None if before is None else compatibility(record, before.record)

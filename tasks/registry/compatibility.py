@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import special
 
 from adjust.arrays import Floats
 from adjust.parameters import BORESIGHT, FAMILIES, LEVER_ARM
@@ -21,7 +21,9 @@ from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.document_kit.table import Number, decimals_for
 from tasks.quantities import entity_kind, entity_words, is_additional, quantity_words, shown, with_unit
 from tasks.registry.identity import CameraBody, heads_of
-from tasks.tables.covariance import Key
+
+if TYPE_CHECKING:
+    from tasks.tables.covariance import Key
 
 #: Probability with which two calibrations of an unchanged camera are called different.
 ERROR_PROBABILITY = 0.01
@@ -154,6 +156,9 @@ def compatibility(new: CalibrationRecord, old: CalibrationRecord) -> Compatibili
     change = np.array([new.estimated[a].value - old.estimated[b].value for a, b in zip(i, j, strict=True)])
     covariance = new.covariance_matrix[np.ix_(i, i)] + old.covariance_matrix[np.ix_(j, j)]
     chi2, rank = quadratic_form(change, covariance)
+    # Not needed by those who only list calibrations; likewise below.
+    from scipy import special
+
     return Compatibility(
         _changes(common, [new.estimated[a] for a in i], change, np.sqrt(np.diagonal(covariance))),
         chi2,
@@ -182,6 +187,8 @@ def quadratic_form(difference: Floats, covariance: Floats) -> tuple[float, int]:
 
 def single_limit(count: int, probability: float = ERROR_PROBABILITY) -> float:
     """|t| that the largest of `count` parameters exceeds with a probability of error (Šidák 1967)."""
+    from scipy import special
+
     each = 1.0 - (1.0 - probability) ** (1.0 / max(count, 1))
     return float(special.ndtri(1.0 - 0.5 * each))
 

@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from scipy import special
-
 from tasks.document_kit.table import Number, decimals_for
 from tasks.quantities import KINDS, kind_of, shown, with_unit
 from tasks.registry.compatibility import (
@@ -192,6 +190,9 @@ def drift_between(
         for item in old.record.estimated
         if item.entity in heads
     }
+    # Not needed by those who only list calibrations.
+    from scipy import special
+
     return Drift(
         new,
         old,

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tasks.calibration.record import CalibratedCamera, CalibrationRecord
-from tasks.deliveries.cameras import camera_record
 from tasks.files.json_text import JSON, json_text
 from tasks.settings.cameras import CameraIdentity, CameraInput
 
@@ -64,6 +63,9 @@ class CameraBody:
         InputError
             If its camera file cannot be read.
         """
+        # The formats of all deliveries: the registry itself reads none.
+        from tasks.deliveries.cameras import camera_record
+
         image = camera_record(camera)
         return cls(
             name,

@@ -212,6 +212,13 @@ def test_list_and_show_say_what_there_is(filled: Console) -> None:
     assert len(json.loads(filled("show", "UCE", "--json").stdout)) == 3
 
 
+def test_show_speaks_of_flights_and_not_of_names_of_settings(console: Console) -> None:
+    reason = "gnss_shift_y of 1 is not determined: no control."
+    add(Registry.at(registry_address(console.registry)), record(verdict="refused", reasons=(reason,)))
+    assert "GNSS shift y of flight 1 is not determined: no control." in _joined(console("show", "1").stdout)
+    assert json.loads(console("show", "1", "--json").stdout)["record"]["reasons"] == [reason]
+
+
 @pytest.mark.parametrize("what", [("list",), ("show", "2"), ("show", "3"), ("show", "UCE")])
 def test_nothing_is_cut_in_80_characters_or_fewer(filled: Console, what: tuple[str, ...]) -> None:
     wide, narrow, narrower = (filled(*what, COLUMNS=str(width)).stdout for width in (200, 80, 40))
@@ -392,7 +399,10 @@ def test_help_teaches_and_comes_without_the_database(console: Console) -> None:
     done = console("--help")
     for word in ("add", "approve", "verify", "Exit codes", "AEROCAL_REGISTRY", "project.flown"):
         assert word in done.stdout
-    # Nor does a run that asks no registry.
+    # Nor does a run that asks no registry; and a list needs neither tables nor statistics.
+    loaded = "import flows.command.registry_tables, sys; print({'pandas', 'scipy'} & {*sys.modules})"
+    found = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "set()"
     loaded = "import flows.command.main, flows.runs.project_run, sys; print('sqlalchemy' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
     assert found.stdout.split() == ["False"]
