@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import errno
 import os
+import re
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -97,13 +99,49 @@ def write_whole(path: Path, content: str | bytes) -> None:
             path.write_bytes(data)
             return
         path = path.resolve()
-        # One name for all: that of a file may be as long as a name can be.
-        part = path.with_name(f".aerocal.{os.getpid()}.part")
+        part = part_of(path)
         try:
             part.write_bytes(data)
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
+
+
+def part_of(path: Path) -> Path:
+    """The name of a file while this process writes it; short, as the file may have the longest there is."""
+    return path.with_name(f"{_parts_of_machine()}{os.getpid()}.{zlib.crc32(os.fsencode(path.name)):08x}.part")
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove what processes of this machine that no longer exist have not finished writing into a folder.
+
+    Raises
+    ------
+    InstallationError
+        As of `writing_into`.
+    """
+    ours = re.compile(re.escape(_parts_of_machine()) + r"(\d{1,9})\.[0-9a-f]{8}\.part(\.\w+)*")
+    with writing_into(folder):
+        for path in folder.iterdir() if folder.is_dir() else ():
+            found = ours.fullmatch(path.name)
+            if found is not None and not _exists(int(found[1])):
+                path.unlink(missing_ok=True)
+
+
+def _parts_of_machine() -> str:
+    """How the names of unfinished files begin: numbers of processes are those of a machine."""
+    return f".aerocal.{re.sub(r'[^A-Za-z0-9-]', '-', os.uname().nodename)[:64]}."
+
+
+def _exists(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        # Another user's.
+        return True
+    return True
 
 
 def _within(filename: object, folder: Path) -> bool:

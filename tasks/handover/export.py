@@ -12,7 +12,7 @@ import numpy as np
 from adjust.handover.refit import Freed
 from tasks.errors import InputError
 from tasks.files.delivered_file import require_folder, require_none_replaced
-from tasks.files.installation import write_whole, writing_into
+from tasks.files.installation import remove_abandoned, write_whole, writing_into
 from tasks.handover.block_points import BlockPoints, read_points
 from tasks.handover.delivery import Angles, Delivery, DeliveryFormat
 from tasks.handover.distortion_grid import distortion_grids
@@ -219,6 +219,7 @@ def _write(folder: Path, files: dict[str, str | bytes]) -> None:
     """Write all files, each completely or not at all; the statement last."""
     with writing_into(folder):
         folder.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(folder)
         (folder / STATEMENT).unlink(missing_ok=True)
         for name, content in files.items():
             write_whole(folder / name, content)

@@ -11,11 +11,9 @@ lossy compression, and copied block by block.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -24,7 +22,7 @@ from numpy.typing import NDArray
 
 from adjust.arrays import Bools
 from tasks.errors import InputError
-from tasks.files.installation import InstallationError, writing_into
+from tasks.files.installation import InstallationError, part_of, writing_into
 from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels, opened_image
 
 #: First row and last + 1, and columns.
@@ -36,8 +34,6 @@ _LOSSLESS = ("lzw", "deflate", "packbits", "zstd", "lzma")
 # What describes a file or pixels that there are no more, or is written in another way.
 _NOT_COPIED = ("IMAGE_STRUCTURE", "DERIVED_SUBDATASETS", "RPC", "GEOLOCATION", "COLOR_PROFILE", "xml:XMP")
 _STATISTICS = "STATISTICS_"
-# Bytes of a name to which GDAL and we can add endings within the 255 of a file system.
-_LONG = 230
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +98,7 @@ def image_like(source: ImageReader, path: Path, threads: int = 1) -> Iterator[Im
     """
     import rasterio
 
-    part = _part_of(path)
+    part = part_of(path)
     options = _options(source)
     try:
         with writing_into(path.parent):
@@ -132,12 +128,6 @@ def image_like(source: ImageReader, path: Path, threads: int = 1) -> Iterator[Im
     finally:
         for left in (part, part.with_name(f"{part.name}.aux.xml"), reordered(part)):
             left.unlink(missing_ok=True)
-
-
-def _part_of(path: Path) -> Path:
-    """The name of a file while it is written, short enough for the endings that GDAL adds, too."""
-    name = os.fsencode(path.name)
-    return path.with_name(f".{path.name if len(name) <= _LONG else sha256(name).hexdigest()}.part")
 
 
 def left_out_of(source: ImageReader) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tasks.errors import Location
 from tasks.files.delivered_file import is_there, read_delivered
-from tasks.files.installation import write_whole, writing_into
+from tasks.files.installation import remove_abandoned, write_whole, writing_into
 
 _FIGURE, _DRAWING, _DRAWN = '<figure id="figure-', "<svg ", "</svg>"
 _NAME = re.compile(r'(?P<name>[\w-]{1,99})">')
@@ -47,6 +47,7 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
     files = {out / f"{name}.svg": standing_alone(drawing, style) for name, drawing in found.items()}
     with writing_into(out):
         out.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(out)
         for file, drawing in files.items():
             write_whole(file, drawing)
     return tuple(files)

@@ -16,7 +16,7 @@ from adjust.options import available_threads
 from adjust.resampling.resampled import Resampling
 from tasks.errors import InputError, Location
 from tasks.files.delivered_file import require_folder
-from tasks.files.installation import write_whole, writing_into
+from tasks.files.installation import remove_abandoned, write_whole, writing_into
 from tasks.handover.formats.corrected_csv import ideal_cameras
 from tasks.handover.results import CalibratedCamera, film_cameras, read_cameras
 from tasks.handover.undistorted.camera_map import CameraMap, camera_map
@@ -89,6 +89,7 @@ def undistort(
     jobs = _jobs(cameras, of_image, film, images, folder, camera)
     ideal = _described({name: one for name, one in cameras.items() if name not in film})
     _require_own(folder, jobs, ideal)
+    remove_abandoned(folder)
     work, maps, done = Work(kind, available_threads()), dict[str, CameraMap](), Statement()
     for number, job in enumerate(jobs, start=1):
         name = job.camera.frame.name

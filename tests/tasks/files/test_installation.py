@@ -8,8 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from tasks.files.installation import InstallationError, write_whole, writing_into
-from tests.tasks.forked import fails_with_files_of_at_most
+from tasks.files.installation import (
+    InstallationError,
+    part_of,
+    remove_abandoned,
+    write_whole,
+    writing_into,
+)
+from tests.tasks.forked import FORK, fails_with_files_of_at_most
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EACCES])
@@ -45,3 +51,30 @@ def test_a_link_keeps_leading_to_its_file_and_a_pipe_stays_one(tmp_path: Path) -
     assert os.read(read, 5) == b"bytes"
     os.close(read)
     os.close(write)
+
+
+def test_what_a_process_that_has_ended_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    def begin_and_end() -> None:
+        part_of(tmp_path / "table.csv").write_text("half")
+        part_of(tmp_path / "image.tif").with_suffix(".part.cog").write_text("half")
+        os._exit(0)
+
+    process = FORK.Process(target=begin_and_end)
+    process.start()
+    process.join()
+    left = {path.name for path in tmp_path.iterdir()}
+    assert len(left) == 2
+    number = str(process.pid)
+    kept = [
+        part_of(tmp_path / "a.csv").name, ".aerocal.part", f".aerocal.other.{number}.01234567.part",
+        next(name for name in left).replace(number, "1"), f".{number}.part", "a.csv",
+    ]  # fmt: skip
+    for name in kept:
+        (tmp_path / name).touch()
+    remove_abandoned(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == set(kept)
+    remove_abandoned(tmp_path / "nowhere")
+
+
+def test_two_files_are_written_at_once_under_two_names(tmp_path: Path) -> None:
+    assert part_of(tmp_path / "a.csv") != part_of(tmp_path / "b.csv")

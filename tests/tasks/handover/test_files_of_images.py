@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 from urllib.parse import urlparse
 from urllib.request import url2pathname
@@ -10,13 +11,14 @@ from urllib.request import url2pathname
 import pytest
 
 from tasks.errors import InputError
+from tasks.files.installation import part_of
 from tasks.formats.isat import read_isat_cameras, read_isat_exposures
 from tasks.formats.register import IMAGE_POINT_FORMATS
 from tasks.formats.stac import read_stac_exposures
 from tasks.handover.delivery import Angles
 from tasks.handover.export import Wanted, write_block
 from tasks.handover.formats.register import REGISTER
-from tests.tasks.forked import fails_with_files_of_at_most
+from tests.tasks.forked import FORK, fails_with_files_of_at_most
 from tests.tasks.formats import sound_files as sound
 from tests.tasks.formats.packed_files import OPF, packed
 from tests.tasks.handover.flown_block import Flight, delivered, flown
@@ -65,6 +67,20 @@ def test_a_full_disk_leaves_no_part_of_a_file(tmp_path):
     wanted = Wanted(REGISTER["patb"], "map", Angles())
     assert fails_with_files_of_at_most(10, lambda: write_block(results, lambda: points, wanted, tmp_path))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_export_has_left_is_removed_by_the_next_one(tmp_path):
+    def begin_and_end():
+        part_of(tmp_path / "eo.csv").write_text("half")
+        os._exit(0)
+
+    process = FORK.Process(target=begin_and_end)
+    process.start()
+    process.join()
+    assert len(list(tmp_path.iterdir())) == 1
+    results, points = flown(Flight())
+    written = write_block(results, lambda: points, Wanted(REGISTER["patb"], "map", Angles()), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {*written.files, "HANDOVER.txt"}
 
 
 @pytest.mark.parametrize("name", ENDINGS)

@@ -18,6 +18,7 @@ from rasterio.enums import ColorInterp
 from tasks.files.installation import InstallationError
 from tasks.image_files.image_reader import ImageReader, opened_image
 from tasks.image_files.image_writer import image_like, left_out_of
+from tests.tasks.forked import FORK, in_processes
 from tests.tasks.image_files.images import pixels, written
 
 pytestmark = pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
@@ -197,6 +198,24 @@ def test_a_place_that_holds_for_the_pixels_is_left_out_and_named(tmp_path: Path)
     assert named == ["ground control points"]
     with rasterio.open(path) as file:
         assert not file.gcps[0]
+
+
+def test_two_processes_write_the_same_image_at_the_same_time(tmp_path: Path) -> None:
+    """Each as a file of its own; one was taken away from the other."""
+    source, path = written(tmp_path / "a.tif", pixels(1, 200, 300, "uint8")), tmp_path / "b.tif"
+    together = FORK.Barrier(2)
+
+    def work(_index: int) -> str:
+        with opened_image(source) as image, image_like(image, path) as made:
+            together.wait(30)
+            made.write((0, 0), image.read((0, 200)), None)
+            together.wait(30)
+        return "written"
+
+    assert in_processes(2, work) == ["written", "written"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.tif", "b.tif"]
+    with rasterio.open(path) as file:
+        np.testing.assert_array_equal(file.read(), pixels(1, 200, 300, "uint8"))
 
 
 def broken_off(source: Path, path: Path) -> None:
