@@ -17,6 +17,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from array import array
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path, PureWindowsPath
 
@@ -145,9 +146,17 @@ def _require_one_camera_a_name(path: Path, root: ElementTree.Element) -> None:
     """Refuse groups of one name with different cameras, which a camera of the project would replace."""
     cameras: dict[str, list[str]] = {}
     for group in root.iter("Photogroup"):
-        parts = (ElementTree.tostring(part, "unicode") for part in group if part.tag in _OF_CAMERA)
-        stated = sorted("".join(part.split()) for part in parts)
+        stated = sorted(_stated(part) for part in group if part.tag in _OF_CAMERA)
         take_camera(path, cameras, group.findtext("Name") or "Photogroup", stated)
+
+
+def _stated(part: ElementTree.Element) -> str:
+    """What an element states, whatever the order of its parts and the digits of its numbers."""
+    text = (part.text or "").strip()
+    # A text that is no number states something else than any number.
+    with suppress(ValueError):
+        text = repr(float(text))
+    return f"{part.tag} {text} ({', '.join(sorted(map(_stated, part)))})"
 
 
 def _refuse_other_distortion(path: Path, name: str, lens: ElementTree.Element | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import pyarrow as pa
@@ -160,3 +161,17 @@ def test_photos_of_two_cameras_of_one_name_are_not_taken_for_those_of_one(
     file.write_text(other)
     with pytest.raises(InputError, match="Two different cameras have this name"):
         read(file, "omega-phi-kappa")
+
+
+def test_photos_of_a_camera_whose_numbers_are_written_in_two_ways_are_of_one_camera(folder: Path) -> None:
+    """100 and 100.0; and its parts in another order."""
+    text = SOUND["exposures", "blocks-exchange"]
+    assert isinstance(text, str)
+    size = re.search("<Width>.*?</Width>", text)
+    assert size is not None
+    for old, new in (("<FocalLength>100<", "<FocalLength>1.000e2<"), (size[0], f"\n{size[0]}")):
+        _, _, other = _with_another("blocks-exchange", text, "<Photogroup>", "</Photogroup>", old, new)
+        assert other.count("<Photogroup>") > 1
+        (folder / "exposures").write_text(other)
+        found = EXPOSURE_FORMATS["blocks-exchange"](folder / "exposures", "omega-phi-kappa")
+        assert set(found.camera.to_pylist()) == {"UC"}
