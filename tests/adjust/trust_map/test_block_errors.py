@@ -11,6 +11,7 @@ from adjust.adjustment import adjust_block, estimate_block
 from adjust.arrays import Floats, Ints
 from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
+from adjust.observations.distance import Distances
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, OBJECT_POINT, State
@@ -95,6 +96,27 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
     np.testing.assert_allclose(found.of_orientation, expected, rtol=0.02, atol=2e-5)
     assert len(chosen) >= 3
     assert found.of_orientation.min() > 0.0
+
+
+def test_distances_are_not_counted() -> None:
+    """Nor is an error in one of them, however large it would have to be."""
+    scene = two_strips(free={INTERIOR_ORIENTATION: [[True, False, False]]}, distances=4)
+    result = adjust_block(scene.block, scene.observations)
+    cells = turned(cells_over(scene.truth.object_point, 5, 5))
+    sight = sight_of(scene.block, result.state, cells)
+    solution = joint_solution(result, sight)
+    chosen = np.flatnonzero(sight.rays >= 3)[::3]
+    of_distances = [isinstance(group, Distances) for group in (None, *result.system.observations.others)]
+    assert sum(of_distances) == 1
+    groups = tuple(
+        replace(group, detectable=np.full_like(group.detectable, 1e3)) if is_distance else group
+        for group, is_distance in zip(result.groups, of_distances, strict=True)
+    )
+    found, same = (
+        block_errors(solution, one, cells, sight, chosen) for one in (result, replace(result, groups=groups))
+    )
+    np.testing.assert_array_equal(same.of_orientation, found.of_orientation)
+    assert 0.0 < found.of_orientation.max() < 1.0
 
 
 def test_the_largest_effect_of_an_image_point_is_that_of_an_adjustment_with_the_error() -> None:

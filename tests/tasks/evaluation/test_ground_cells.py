@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tasks.errors import InputError
-from tasks.evaluation.trust_map import MapCells, MapGrid, inside
+from tasks.evaluation.trust_map import MapCells, MapGrid, _thinned, inside
 
 
 def cells(rows: int, columns: int) -> MapCells:
@@ -85,3 +85,11 @@ def test_a_slanting_side_divides_points_left_and_right_of_it() -> None:
     triangle = np.array([[100.0, 20.0], [104.0, 20.0], [100.0, 22.0]])
     points = np.array([[101.0, 21.4], [101.0, 21.6], [103.0, 20.4], [103.0, 20.6]])
     np.testing.assert_array_equal(inside(triangle, points), [True, False, True, False])
+
+
+def test_points_that_lie_together_are_replaced_by_their_mean() -> None:
+    alone, together = np.array([[0.0, 0.0, 5.0], [1000.0, 900.0, 7.0]]), np.array([[502.0, 502.0, 20.0]])
+    around = np.array([[-0.3, 0.1, 1.0], [0.2, 0.3, -4.0], [0.4, -0.1, 9.0]])
+    found = _thinned(np.concatenate([alone[:1], together + around, alone[1:]]))
+    expected = np.concatenate([alone[:1], together + around.mean(axis=0), alone[1:]])
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
