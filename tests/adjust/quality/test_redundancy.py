@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from adjust.adjustment import adjust_block
@@ -38,3 +40,16 @@ def test_redundancy_numbers_add_up_to_the_redundancy() -> None:
     result = adjust_block(scene.block, scene.observations)
     total = sum(group.redundancy_sum for group in result.groups)
     np.testing.assert_allclose(total, result.test.redundancy, rtol=1e-6)
+
+
+def test_the_order_of_the_rays_of_a_point_changes_nothing() -> None:
+    """Also where images come before those with which they are eliminated."""
+    scene = two_strips(cameras=2, flights=2, free=ALL_FREE, noise_seed=21, start_seed=22)
+    rays = scene.observations.image_points
+    order = np.lexsort((-rays.image, rays.point))
+    turned = replace(scene.observations, image_points=rays.only(order))
+    expected, found = (adjust_block(scene.block, one) for one in (scene.observations, turned))
+    np.testing.assert_allclose(
+        found.cofactor.of_points, expected.cofactor.of_points, atol=1e-9 * expected.cofactor.of_points.max()
+    )
+    np.testing.assert_allclose(found.groups[0].redundancy, expected.groups[0].redundancy[order], atol=1e-9)
