@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adjust.arrays import Ints
+from adjust.arrays import Bools, Ints
 from adjust.block import Block
-from adjust.errors import InconsistentBlockError
+from adjust.errors import DatumDefectError, InconsistentBlockError
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
+from adjust.observations.joint_prior import JointPrior
+from adjust.parameters import BORESIGHT, SystemParameters
+from adjust.rig import RELATIVE_ROTATION, Rig
 from adjust.solve.joined_points import joined_points
 
 if TYPE_CHECKING:
@@ -80,3 +83,57 @@ def _refuse_outside(group: str, kind: str, index: Ints, count: int, least: int =
         raise InconsistentBlockError(
             f"An observation of {group} has an index of its {kind} outside 0 … {count - 1}."
         )
+
+
+def refuse_open_platforms(block: Block, observations: Observations) -> None:
+    """Refuse platforms without pictures whose own rotation nothing tells from a common one of their heads.
+
+    Known positions of the heads would hide it behind pivots that look sound: a degree is known from them.
+
+    Raises
+    ------
+    DatumDefectError : with the parameters.
+    """
+    if block.rig is None:
+        return
+    given = {parameters.family.name: parameters for parameters in block.system}
+    of_heads, boresight = given[RELATIVE_ROTATION], given[BORESIGHT]
+    unknown_heads = of_heads.free & ~_observed(of_heads, observations)
+    unknown = boresight.free & ~_observed(boresight, observations)
+    for platform in np.setdiff1d(block.rig.reference, block.rig.camera_of_image):
+        heads = _heads_with_pictures(block.rig, int(platform))
+        is_seen = any(
+            isinstance(group, InsAttitudes) and group.stochastic.present[group.camera == platform].any()
+            for group in observations.others
+        )
+        of_own = unknown[platform] if is_seen else np.ones(3, dtype=bool)
+        open_axes = np.flatnonzero(of_own & unknown_heads[heads].all(axis=(0, 1)))
+        if not (len(heads) and len(open_axes)):
+            continue
+        name = block.cameras[platform].name
+        places = [(boresight, platform, k) for k in open_axes if boresight.free[platform, k]]
+        places += [(of_heads, head, k) for head in heads for k in open_axes]
+        named = tuple(str(family.quantity(int(entity), int(axis))) for family, entity, axis in places)
+        why = "its boresight and a common rotation of all its heads are one and the same"
+        if not is_seen:
+            why = "and nothing observes its attitude: a common rotation of all its heads is not determined"
+        sentence = f"{name} takes no pictures{':' if is_seen else ','} {why}."
+        raise DatumDefectError(len(open_axes), named, (sentence,))
+
+
+def _heads_with_pictures(rig: Rig, platform: int) -> Ints:
+    """Heads of a platform that take pictures."""
+    return np.intersect1d(np.flatnonzero(rig.reference == platform), rig.camera_of_image)
+
+
+def _observed(parameters: SystemParameters, observations: Observations) -> Bools:
+    """Which parameters (e, d) of a family are observed."""
+    found = np.zeros_like(parameters.free)
+    for group in observations.others:
+        if isinstance(group, DirectObservations) and group.family == parameters.family:
+            found[group.entity] |= group.stochastic.present
+        elif isinstance(group, JointPrior):
+            for place in group.places:
+                if place.family == parameters.family.name:
+                    found[place.entity, place.component] = True
+    return found

@@ -14,7 +14,7 @@ from adjust.observations.base import ObservationGroup
 from adjust.observations.distance import Distances
 from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, InnerConstraints, ParameterLayout, State
-from adjust.solve.consistency import refuse_others_than
+from adjust.solve.consistency import refuse_open_platforms, refuse_others_than
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
 from adjust.solve.fronts import HelmertBlocking
 from adjust.solve.joined_points import joined_points
@@ -85,8 +85,10 @@ class System:
         ------
         InconsistentBlockError : if an observation belongs to something that is not there, or image points are
             given in another unit or for other cameras.
+        DatumDefectError : if the rotation of a platform without pictures is not determined.
         """
         refuse_others_than(block, observations)
+        refuse_open_platforms(block, observations)
         observations = with_known_basis(block, observations)
         events, points = len(block.events), len(block.points)
         active = determined_points(block, observations)

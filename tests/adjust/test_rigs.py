@@ -407,3 +407,59 @@ def test_known_positions_of_heads_are_the_scale_of_a_free_network(
     assert result.free_network.defect == defect
     total = sum(group.redundancy_sum for group in result.groups)
     assert total == pytest.approx(result.test.redundancy, abs=1e-6)
+
+
+def without_pictures_of_the_reference(scene: Scene) -> Scene:
+    """The same block, of a platform that takes no pictures."""
+    block, rays = scene.block, scene.observations.image_points
+    assert block.rig is not None
+    kept = block.camera_of_image != 0
+    number = np.cumsum(kept) - 1
+    rig = replace(
+        block.rig, event_of_image=block.event_of_image[kept], camera_of_image=block.camera_of_image[kept]
+    )
+    left = rays.only(np.flatnonzero(kept[rays.image]))
+    left = replace(
+        left,
+        image=number[left.image],
+        camera_of_image=rig.camera_of_image,
+        event_of_image=rig.event_of_image,
+    )
+    of_platform = replace(
+        block,
+        images=tuple(np.array(block.images)[kept]),
+        camera_of_image=rig.camera_of_image,
+        flight_of_image=block.flight_of_image[kept],
+        rig=rig,
+    )
+    return replace(scene, block=of_platform, observations=replace(scene.observations, image_points=left))
+
+
+@pytest.mark.parametrize(
+    ("ins", "free", "observed", "sentence"),
+    [
+        (True, {BORESIGHT: True, RELATIVE_ROTATION: True}, False, "are one and the same"),
+        (False, {RELATIVE_ROTATION: True}, False, "nothing observes its attitude"),
+        (True, {BORESIGHT: True, RELATIVE_ROTATION: True}, True, ""),
+        (True, {RELATIVE_ROTATION: True}, False, ""),
+        (True, {BORESIGHT: True}, False, ""),
+    ],
+)
+def test_a_platform_without_pictures_does_not_turn_against_all_its_heads(
+    ins: bool, free: Mapping[str, object], observed: bool, sentence: str
+) -> None:
+    """The known positions of the heads determine it to a degree: the adjustment did not converge."""
+    priors = {RELATIVE_ROTATION: 1e-3} if observed else {}
+    scene = without_pictures_of_the_reference(
+        two_strips(heads=3, control=("full",) * 4, ins=ins, free=free, priors=priors, noise_seed=3)
+    )
+    if not sentence:
+        result = adjust_block(scene.block, scene.observations)
+        corner = np.diagonal(result.cofactor.reduced.corner)
+        assert np.sqrt(corner).max() < 2e-3
+        return
+    with pytest.raises(DatumDefectError, match=sentence) as error:
+        adjust_block(scene.block, scene.observations)
+    assert error.value.defect == 3
+    assert "relative_rotation_yaw of forward_2" in error.value.parameters
+    assert ("boresight_roll of forward" in error.value.parameters) is ins
