@@ -16,8 +16,11 @@ import pytest
 from adjust.residual_grid.format_cells import FormatCells
 from tasks.handover.block_points import block_points
 from tasks.handover.delivery import Angles
+from tasks.handover.distortion_grid import DistortionGrid, _with_misfit
 from tasks.handover.export import DeliveryRefusedError, Wanted, write_block
+from tasks.handover.footprint import footprints
 from tasks.handover.formats.camera_axes import camera_from_world
+from tasks.handover.formats.geopackage import _vectors
 from tasks.handover.formats.register import REGISTER
 from tasks.handover.formats.rigs import written_rigs
 from tasks.handover.formats.rpc import rpc_text
@@ -187,3 +190,34 @@ def test_vectors_have_the_length_of_their_difference_in_plan():
             for (plan,) in connection.execute(f'SELECT plan_m FROM "{table}"')
         ]
     np.testing.assert_allclose(lengths, np.hypot(0.02, 0.01), rtol=1e-6)
+
+
+def test_vectors_begin_at_the_surveyed_point_and_are_a_small_part_of_the_block():
+    """A coordinate that was not surveyed is the adjusted one, and the vector has no part along it."""
+    results, points = flown(Flight())
+    delivery = delivered(results, points, "geopackage")
+    surveyed, layer = points.surveyed, _vectors(delivery)
+    begin, end = np.stack(layer.vertices).swapaxes(0, 1)
+    expected = surveyed.in_map.copy()
+    expected[2, 2] = points.in_map[points.names.index(surveyed.names[2]), 2]
+    np.testing.assert_allclose(begin, expected)
+    enlarged = layer.rows[0][-1]
+    np.testing.assert_allclose(end - begin, enlarged * np.nan_to_num(surveyed.difference), atol=1e-6)
+    extent = np.linalg.norm(np.ptp(delivery.handed.pose.centre[:, :2], axis=0))
+    assert 0.02 * extent < enlarged * np.hypot(0.02, 0.01) <= 0.05 * extent
+
+
+def test_images_have_a_footprint_until_a_ray_goes_down_by_a_tenth_of_its_length():
+    """The upper border of this camera looks 9.2° past its axis; the limit is at 84.3° from the vertical."""
+    for tilt, has in ((60.0, True), (73.0, True), (76.0, False)):
+        _, below = footprints(flown(Flight(tilt_deg=tilt))[0])
+        assert below.all() if has else not below.any(), tilt
+
+
+def test_the_misfit_of_a_grid_is_its_largest_difference_and_their_root_mean_square():
+    x = np.linspace(-0.02, 0.02, 3)
+    grid = DistortionGrid(x, x, np.stack(np.meshgrid(x, x), axis=-1))
+    at = np.array([[0.001, 0.013], [-0.007, 0.002]])
+    found = _with_misfit(grid, at, np.add(at, [[1e-6, 0.0], [0.0, -7e-6]]))
+    assert found.misfit == pytest.approx(7e-6)
+    assert found.rms == pytest.approx(5e-6)
