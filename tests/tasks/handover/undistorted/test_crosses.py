@@ -11,6 +11,7 @@ import pytest
 import rasterio
 
 from adjust.resampling.resampled import Resampling
+from tasks.handover.ideal_points import measured_points
 from tasks.handover.undistorted.camera_map import CameraMap, camera_map
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import opened_image
@@ -74,6 +75,19 @@ def test_the_map_is_stated_to_better_than_a_hundredth_of_a_pixel() -> None:
     found = map_of()
     assert 0.0 < found.pixels.error_px < 0.01
     assert found.largest_shift_px == pytest.approx(15e-6 / 4e-6, rel=0.4)
+
+
+def test_pixels_of_the_map_count_from_the_centre_of_the_first_one() -> None:
+    """Also of a camera whose delivered coordinates count from its corner."""
+    camera, found = distorting_camera(), map_of().pixels
+    frame = camera.frame
+    assert frame.pixel_origin == "corner"
+    place = 64.0 * np.stack(np.meshgrid(np.arange(2.0, 12.0), np.arange(3.0, 15.0)), axis=-1).reshape(-1, 2)
+    middle = 0.5 * np.array([frame.columns - 1, frame.rows - 1])
+    to_metres = frame.pixel_size * np.array([1.0, -1.0])
+    expected = measured_points(camera, (place - middle) * to_metres) / to_metres + middle
+    column, row = place.T.astype(np.int64)
+    np.testing.assert_allclose(found.at(column, row), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["cubic", "lanczos"])
