@@ -32,6 +32,7 @@ from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.errors import InputError
 from tasks.quantities import KINDS, Kind
 from tasks.settings.adjustment import AdjustmentSettings
+from tasks.tables.number_columns import numbers_of
 from tasks.tables.places import places_of
 
 
@@ -72,7 +73,7 @@ def surveyed_points(
     near : approximate_points.parquet; gives the plan position at which the geoid undulation of a point
         known in height only is taken (its slope of 5e-5 makes metres of it irrelevant).
     """
-    given = table[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
+    given = numbers_of(table, ["x_m", "y_m", "z_m"])
     present = np.isfinite(given)
     place = given.copy()
     if near is not None and len(near):
@@ -86,7 +87,7 @@ def surveyed_points(
     x_in_local = np.full_like(place, np.nan)
     height = np.full(len(place), np.nan)
     covariance = np.zeros((len(place), 3, 3))
-    sigma = table[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64)
+    sigma = numbers_of(table, ["sigma_x_m", "sigma_y_m", "sigma_z_m"])
     if usable.any():
         x_in_local[usable] = local_from_map(map_frame, frame, place[usable])
         height[usable] = frame.height(x_in_local[usable])

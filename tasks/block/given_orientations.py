@@ -22,6 +22,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, local_from_map
 from tasks.deliveries.cameras import frame_cameras
 from tasks.errors import InputError
+from tasks.tables.number_columns import numbers_of
 
 _BODY = ("roll", "pitch", "yaw")
 AngleOrder = Literal["omega-phi-kappa", "phi-omega-kappa"]
@@ -56,10 +57,9 @@ class Mountings:
         """From cameras.parquet; only the cameras that are used need to be in it."""
         cameras = tuple(frame_cameras(table).values())
         lever_arm, reduced_by = (
-            table[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(np.float64)
-            for name in ("lever_arm", "reduced_by")
+            numbers_of(table, [f"{name}_{axis}_m" for axis in "xyz"]) for name in ("lever_arm", "reduced_by")
         )
-        boresight = table[[f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")]].to_numpy(np.float64)
+        boresight = numbers_of(table, [f"boresight_{name}_deg" for name in ("roll", "pitch", "yaw")])
         names = pd.Index([camera.name for camera in cameras])
         of_itself = np.where(table["head_of"].notna(), table["head_of"], table["camera"])
         return cls(
@@ -68,11 +68,9 @@ class Mountings:
             reduced_by,
             np.deg2rad(boresight),
             names.get_indexer(pd.Index(of_itself)).astype(np.int64),
-            np.nan_to_num(table[[f"relative_position_{axis}_m" for axis in "xyz"]].to_numpy(np.float64)),
-            np.deg2rad(
-                np.nan_to_num(table[[f"relative_rotation_{name}_deg" for name in _BODY]].to_numpy(np.float64))
-            ),
-            np.nan_to_num(table[["synchronisation_offset_s"]].to_numpy(np.float64)),
+            np.nan_to_num(numbers_of(table, [f"relative_position_{axis}_m" for axis in "xyz"])),
+            np.deg2rad(np.nan_to_num(numbers_of(table, [f"relative_rotation_{name}_deg" for name in _BODY]))),
+            np.nan_to_num(numbers_of(table, ["synchronisation_offset_s"])),
         )
 
     @property
@@ -170,18 +168,18 @@ class GivenOrientations:
         Positions that were reduced to the projection centre get back what their lever arm took off, so that
         all of them are observations of the antenna.
         """
-        x_in_map = exposures[["x_m", "y_m", "z_m"]].to_numpy(np.float64)
+        x_in_map = numbers_of(exposures, ["x_m", "y_m", "z_m"])
         observed = local_from_map(map_frame, frame, x_in_map)
         heading_columns = ["heading_deg", "pitch_deg", "roll_deg"]
-        heading = exposures[heading_columns].to_numpy(np.float64)
-        grid = exposures[["omega_deg", "phi_deg", "kappa_deg"]].to_numpy(np.float64)
-        is_heading = np.isfinite(heading).all(axis=1)
+        heading = numbers_of(exposures, heading_columns)
+        grid = numbers_of(exposures, ["omega_deg", "phi_deg", "kappa_deg"])
+        is_heading = np.asarray(np.isfinite(heading).all(axis=1))
         choose = is_heading[:, None]
-        sigma_heading = exposures[[f"sigma_{name}" for name in heading_columns]].to_numpy(np.float64)
-        sigma_grid = exposures[["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"]].to_numpy(np.float64)
-        sigma_position = exposures[["sigma_x_m", "sigma_y_m", "sigma_z_m"]].to_numpy(np.float64)
+        sigma_heading = numbers_of(exposures, [f"sigma_{name}" for name in heading_columns])
+        sigma_grid = numbers_of(exposures, ["sigma_omega_deg", "sigma_phi_deg", "sigma_kappa_deg"])
+        sigma_position = numbers_of(exposures, ["sigma_x_m", "sigma_y_m", "sigma_z_m"])
         local_from_enu = np.array(frame.local_from_enu(observed))
-        velocity = exposures[[f"velocity_{way}_m_s" for way in ("east", "north", "up")]].to_numpy(np.float64)
+        velocity = numbers_of(exposures, [f"velocity_{way}_m_s" for way in ("east", "north", "up")])
         angles, sigma = np.where(choose, heading, grid), np.where(choose, sigma_heading, sigma_grid)
         delivered = cls(
             mountings,
@@ -198,10 +196,10 @@ class GivenOrientations:
             np.deg2rad(angles),
             np.deg2rad(sigma),
             is_heading,
-            np.deg2rad(exposures[[f"rate_{name}_deg_s" for name in _BODY]].to_numpy(np.float64)),
+            np.deg2rad(numbers_of(exposures, [f"rate_{name}_deg_s" for name in _BODY])),
             np.einsum("nij,nj->ni", local_from_enu, velocity),
-            np.isfinite(sigma_position).all(axis=1),
-            np.isfinite(angles + sigma).all(axis=1),
+            np.asarray(np.isfinite(sigma_position).all(axis=1)),
+            np.asarray(np.isfinite(angles + sigma).all(axis=1)),
             tuple(exposures["event"].fillna("")),
         )
         return delivered._at_the_antenna((exposures["position"] == "projection_centre").to_numpy())
@@ -296,7 +294,7 @@ class GivenOrientations:
     def with_boresight(self, approximate: pd.DataFrame) -> Self:
         """The same with the boresight of approximate_boresight.parquet in the place of the given one."""
         rows = approximate.set_index("camera").loc[list(self.mountings.names)]
-        return self.turned(np.deg2rad(rows[["roll_deg", "pitch_deg", "yaw_deg"]].to_numpy(np.float64)))
+        return self.turned(np.deg2rad(numbers_of(rows, ["roll_deg", "pitch_deg", "yaw_deg"])))
 
     def turned(self, boresight: Floats) -> Self:
         """The same with another boresight (c, 3); attitudes that were found for images stay as they are."""

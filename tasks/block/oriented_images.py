@@ -23,7 +23,8 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_frame
 from tasks.errors import InputError
 from tasks.settings.adjustment import AdjustmentSettings
-from tasks.tables.places import distinct
+from tasks.tables.number_columns import numbers_of
+from tasks.tables.places import distinct, places_of
 
 XYZ_M = ["x_m", "y_m", "z_m"]
 OPK_DEG = ["omega_deg", "phi_deg", "kappa_deg"]
@@ -36,10 +37,10 @@ def measured_exposures(
     exposures: pd.DataFrame, cameras: pd.DataFrame, measured: pd.DataFrame
 ) -> pd.DataFrame:
     """Rows of exposures.parquet of the images that are measured; an image alone gets an empty one."""
-    images = pd.Index(distinct(measured["image"]))
-    own = exposures[exposures["image"].isin(images)]
-    alone = images.difference(pd.Index(own["image"]))
-    if len(alone) == 0:
+    images = distinct(measured["image"])
+    own = exposures[places_of(exposures["image"], images) >= 0]
+    alone = [images[i] for i in np.flatnonzero(places_of(images, own["image"]) < 0)]
+    if not alone:
         return _as_their_events(own, cameras)
     # The import has made sure that there is one camera only.
     rows = pd.DataFrame(
@@ -61,7 +62,7 @@ def has_attitude(exposures: pd.DataFrame) -> Bools:
 
 
 def _all_known(exposures: pd.DataFrame, columns: list[str]) -> Bools:
-    return np.asarray(~np.isnan(exposures[columns].to_numpy(np.float64)).any(axis=1))
+    return np.asarray(~np.isnan(numbers_of(exposures, columns)).any(axis=1))
 
 
 def oriented_images(
@@ -96,7 +97,7 @@ def oriented_images(
     placed = own[has_position(own)]
     if len(placed) == 0:
         raise InputError(*_nothing_oriented(own, measured))
-    frame = local_frame(map_frame, placed[XYZ_M].to_numpy(np.float64))
+    frame = local_frame(map_frame, numbers_of(placed, XYZ_M))
     given = GivenOrientations.from_tables(placed, mountings, map_frame, frame)
     given = with_track_attitudes(given, frame, measured)
     oriented = {name for name, known in zip(given.image, given.has_attitude, strict=True) if known}
@@ -117,9 +118,9 @@ def _completed(own: pd.DataFrame, found: pd.DataFrame, mountings: Mountings) -> 
     if not (new_place | new_angles).any():
         return result
     camera = pd.Index(mountings.names).get_indexer(pd.Index(result["camera"]))[new_angles]
-    of_image = rotation.from_omega_phi_kappa(np.deg2rad(found[OPK_DEG].to_numpy(np.float64)[row[new_angles]]))
+    of_image = rotation.from_omega_phi_kappa(np.deg2rad(numbers_of(found, OPK_DEG)[row[new_angles]]))
     nominal = rotation.to_omega_phi_kappa(of_image @ mountings.nominal_from_camera[camera])
-    result.loc[new_place, XYZ_M] = found[XYZ_M].to_numpy(np.float64)[row[new_place]]
+    result.loc[new_place, XYZ_M] = numbers_of(found, XYZ_M)[row[new_place]]
     result.loc[new_angles, OPK_DEG] = np.rad2deg(nominal)
     for chosen, sigmas in ((new_place, _SIGMA_M), (new_angles, _SIGMA_DEG)):
         result.loc[chosen, sigmas] = np.nan
