@@ -9,6 +9,7 @@ map coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -78,13 +79,12 @@ def ecef_from_enu(latitude: Floats | float, longitude: Floats | float) -> Floats
     longitude = np.asarray(longitude, dtype=np.float64)
     sine_lat, cosine_lat = np.sin(latitude), np.cos(latitude)
     sine_lon, cosine_lon = np.sin(longitude), np.cos(longitude)
-    zero = np.zeros_like(sine_lat)
-    rows = [
-        -sine_lon, -sine_lat * cosine_lon, cosine_lat * cosine_lon,
-        cosine_lon, -sine_lat * sine_lon, cosine_lat * sine_lon,
-        zero, cosine_lat, sine_lat,
-    ]  # fmt: skip
-    return np.stack(rows, axis=-1).reshape(*sine_lat.shape, 3, 3)
+    matrix = np.zeros((*sine_lat.shape, 3, 3))
+    east, north, up = (matrix[..., i] for i in range(3))
+    east[..., 0], east[..., 1] = -sine_lon, cosine_lon
+    north[..., 0], north[..., 1], north[..., 2] = -sine_lat * cosine_lon, -sine_lat * sine_lon, cosine_lat
+    up[..., 0], up[..., 1], up[..., 2] = cosine_lat * cosine_lon, cosine_lat * sine_lon, sine_lat
+    return matrix
 
 
 class LocalFrame(Protocol):
@@ -96,6 +96,10 @@ class LocalFrame(Protocol):
 
     def local_from_enu(self, x_in_local: Floats) -> Floats:
         """Rotations (n, 3, 3): columns are east, north, up at each point, in local axes."""
+        ...
+
+    def height_and_axes(self, x_in_local: Floats) -> tuple[Floats, Floats]:
+        """Both of them, for little more than the time of one."""
         ...
 
 
@@ -111,6 +115,10 @@ class CartesianFrame:
         """Identity for each of the n points, shape (n, 3, 3)."""
         return np.broadcast_to(np.eye(3), (len(x_in_local), 3, 3))
 
+    def height_and_axes(self, x_in_local: Floats) -> tuple[Floats, Floats]:
+        """Third coordinates (n,), and identities (n, 3, 3)."""
+        return self.height(x_in_local), self.local_from_enu(x_in_local)
+
 
 @dataclass(frozen=True)
 class TopocentricFrame:
@@ -121,6 +129,7 @@ class TopocentricFrame:
     longitude: float
     height_of_origin_m: float = 0.0
 
+    @cached_property
     def _origin_and_axes(self) -> tuple[Floats, Floats]:
         origin = ecef_from_geodetic(
             self.ellipsoid, np.array([self.latitude, self.longitude, self.height_of_origin_m])
@@ -129,12 +138,12 @@ class TopocentricFrame:
 
     def from_geodetic(self, geodetic: Floats) -> Floats:
         """Local coordinates (n, 3) of latitude, longitude (radians), ellipsoidal height (metres)."""
-        origin, axes = self._origin_and_axes()
+        origin, axes = self._origin_and_axes
         return (ecef_from_geodetic(self.ellipsoid, geodetic) - origin) @ axes
 
     def to_geodetic(self, x_in_local: Floats) -> Floats:
         """Latitude, longitude (radians), ellipsoidal height (metres), (n, 3), of local points."""
-        origin, axes = self._origin_and_axes()
+        origin, axes = self._origin_and_axes
         return geodetic_from_ecef(self.ellipsoid, np.asarray(x_in_local) @ axes.T + origin)
 
     def height(self, x_in_local: Floats) -> Floats:
@@ -143,6 +152,10 @@ class TopocentricFrame:
 
     def local_from_enu(self, x_in_local: Floats) -> Floats:
         """Rotations (n, 3, 3): columns are east, north, up at each point, in local axes."""
-        _, axes = self._origin_and_axes()
+        return self.height_and_axes(x_in_local)[1]
+
+    def height_and_axes(self, x_in_local: Floats) -> tuple[Floats, Floats]:
+        """Ellipsoidal height (n,) in metres, and the rotations of `local_from_enu`."""
+        _, axes = self._origin_and_axes
         geodetic = self.to_geodetic(x_in_local)
-        return axes.T @ ecef_from_enu(geodetic[:, 0], geodetic[:, 1])
+        return geodetic[:, 2], axes.T @ ecef_from_enu(geodetic[:, 0], geodetic[:, 1])

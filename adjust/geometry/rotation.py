@@ -55,9 +55,11 @@ def cross_matrix(vector: Floats) -> Floats:
     """Matrix [a]× with [a]× b = a × b; vector (..., 3), result (..., 3, 3)."""
     vector = np.asarray(vector, dtype=np.float64)
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
-    zero = np.zeros_like(x)
-    rows = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
-    return rows.reshape(*x.shape, 3, 3)
+    # For few vectors a third of the time that stacking nine arrays takes.
+    matrix = np.zeros((*vector.shape, 3))
+    matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = x, y, z
+    matrix[..., 1, 2], matrix[..., 2, 0], matrix[..., 0, 1] = -x, -y, -z
+    return matrix
 
 
 def exp(vector: Floats) -> Floats:

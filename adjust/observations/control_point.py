@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -84,16 +85,23 @@ class ControlPoints:
         """−1 for every control point: it belongs to no event."""
         return np.full(len(self.point), -1, dtype=np.int64)
 
+    @cached_property
+    def _axes_at_given(self) -> Floats | None:
+        """(n, 3, 3) of `LocalFrame.local_from_enu`; None: positions are not all given in full."""
+        return self.frame.local_from_enu(self.given) if np.isfinite(self.given).all() else None
+
     def linearize(self, state: State) -> Linearization:
         """Observation equations at a state; derivatives exact except for the curvature of h (1/R)."""
         x_in_local = state.object_point[self.point]
+        height, axes = self.frame.height_and_axes(x_in_local)
         anchor = np.where(np.isfinite(self.given), self.given, x_in_local)
-        local_from_enu = self.frame.local_from_enu(anchor)
+        in_full = self._axes_at_given
+        local_from_enu = self.frame.local_from_enu(anchor) if in_full is None else in_full
         enu = np.einsum("nji,nj->ni", local_from_enu, x_in_local - anchor)
         jacobian = np.swapaxes(local_from_enu, 1, 2).copy()
-        enu[:, 2] = np.nan_to_num(self.frame.height(x_in_local) - self.given_height)
+        enu[:, 2] = np.nan_to_num(height - self.given_height)
         # The gradient of the height is the vertical at X, not at the surveyed position.
-        jacobian[:, 2, :] = self.frame.local_from_enu(x_in_local)[:, :, 2]
+        jacobian[:, 2, :] = axes[:, :, 2]
         return Linearization(-enu, (Term(OBJECT_POINT, self.point, jacobian),))
 
     def without(self, rejected: Bools) -> Self:

@@ -35,4 +35,6 @@ def add_border_columns(of_border: Floats, columns: Ints, jacobian: Floats) -> No
     """Scatter the Jacobian (n, m, d) of a family into (n, m, g); columns (n, d), −1 where held."""
     for component in range(columns.shape[1]):
         rows = np.flatnonzero(columns[:, component] >= 0)
-        of_border[rows, :, columns[rows, component]] += jacobian[rows, :, component]
+        # Most families are held, and to index nothing takes as long as to index few.
+        if rows.size:
+            of_border[rows, :, columns[rows, component]] += jacobian[rows, :, component]
