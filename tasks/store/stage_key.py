@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
-from functools import cache
+from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -52,7 +52,7 @@ class StageKey:
     stage: str
     parts: Mapping[str, JSON]
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """The key: SHA-256 of the stage's name and all parts, hexadecimal."""
         return hashlib.sha256(json_text({"stage": self.stage, "parts": self.parts}).encode()).hexdigest()
