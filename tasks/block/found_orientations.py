@@ -25,6 +25,7 @@ from tasks.coordinates.local_frame import (
     map_from_local,
 )
 from tasks.errors import InputError
+from tasks.tables.number_columns import numbers_of
 from tasks.tables.places import places_of
 
 _log = logging.getLogger("aerocal")
@@ -95,8 +96,8 @@ def found_orientations(
 
 def _places(own: pd.DataFrame, control: pd.DataFrame) -> Floats:
     """Positions (k, 3) on the map that locate the block: those of exposures, otherwise of control."""
-    given = own[XYZ_M].to_numpy(np.float64)[has_position(own)]
-    surveyed = control[XYZ_M].to_numpy(np.float64)
+    given = numbers_of(own, XYZ_M)[has_position(own)]
+    surveyed = numbers_of(control, XYZ_M)
     return given if len(given) else np.asarray(surveyed[np.isfinite(surveyed).all(axis=1)])
 
 

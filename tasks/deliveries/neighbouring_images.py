@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from tasks.tables.number_columns import numbers_of
+
 # Neighbours that share less than this part of what others of their strip share stand alone.
 _PART = 0.1
 # So many points are shared where an overlap has points at all.
@@ -85,7 +87,7 @@ def neighbours(exposures: pd.DataFrame) -> tuple[NDArray[np.int64], NDArray[np.i
 def _neighbours(exposures: pd.DataFrame) -> tuple[NDArray[np.int64], NDArray[np.int64], list[str]]:
     """Rows of images that follow each other in a strip at its usual distance, and its name."""
     one, other, strips = [], [], []
-    everywhere, name = exposures[["x_m", "y_m"]].to_numpy(np.float64), exposures["strip"].to_numpy()
+    everywhere, name = numbers_of(exposures, ["x_m", "y_m"]), exposures["strip"].to_numpy()
     numbered = np.flatnonzero(exposures["strip"].notna())
     groups = exposures.iloc[numbered].groupby(["flight", "strip", "camera"], dropna=False, sort=True).ngroup()
     order = np.argsort(groups.to_numpy(), kind="stable")

@@ -19,6 +19,7 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.block.shared_readings import heads_of_reading
 from tasks.georeferencing.calibrated_system import CalibratedSystem
 from tasks.georeferencing.calibration import CalibrationFlight
+from tasks.tables.number_columns import numbers_of
 
 _XYZ = ["x_m", "y_m", "z_m"]
 _ANGLES = ["omega_deg", "phi_deg", "kappa_deg", "heading_deg", "pitch_deg", "roll_deg"]
@@ -43,16 +44,15 @@ def same_exposures(flight: CalibrationFlight, exposures: pd.DataFrame, crs: str)
     both = exposures.merge(flight.exposures, on="image", suffixes=("", "_there"))
     same = both["flight"].fillna("") == both["flight_there"].fillna("")
     for names, tolerance in ((_XYZ, _SAME_M), (_ANGLES, _SAME_DEG)):
-        here, there = (
-            both[[f"{name}{end}" for name in names]].to_numpy(np.float64) for end in ("", "_there")
-        )
-        same &= np.isclose(here, there, rtol=0.0, atol=tolerance, equal_nan=True).all(axis=1)
+        here, there = (numbers_of(both, [f"{name}{end}" for name in names]) for end in ("", "_there"))
+        close = np.isclose(here, there, rtol=0.0, atol=tolerance, equal_nan=True)
+        same &= np.asarray(close.all(axis=1))
     return frozenset(both.loc[same, "image"])
 
 
 def _same_control(flight: CalibrationFlight, control_points: pd.DataFrame) -> pd.Series:
     """Names in the calibration of the points of control_points.parquet; empty for missing ones."""
-    here, there = (table[_XYZ].to_numpy(np.float64) for table in (control_points, flight.control_points))
+    here, there = (numbers_of(table, _XYZ) for table in (control_points, flight.control_points))
     names = np.full(len(here), "", dtype=object)
     for row, place in enumerate(here):
         same = np.isclose(there, place, rtol=0.0, atol=_SAME_M, equal_nan=True).all(axis=1)
@@ -115,8 +115,8 @@ class _Influences:
             own = rows[(rows["parameter"] == parameter) & (rows["entity"] == entity)]
             place: Ints = pd.Index(own["name"]).get_indexer(pd.Index(names))
             known = place >= 0
-            derivative[k, known] = own[_BY].to_numpy(np.float64)[place[known]] / factor
-            sigma[known] = np.nan_to_num(own[_SIGMA].to_numpy(np.float64)[place[known]])
+            derivative[k, known] = numbers_of(own, _BY)[place[known]] / factor
+            sigma[known] = np.nan_to_num(numbers_of(own, _SIGMA)[place[known]])
         return derivative, sigma
 
 
