@@ -14,7 +14,8 @@ so m + M f, the means without corrections, speak for f* (``expected_field``), wh
 
 **Convention.** A part of f* that free parameters of the camera, or a rotation of all its images, imitate
 exactly is theirs as much as that of the corrections, and nothing that can be seen depends on where it is.
-Parameters are those that belong to the corrections: δ has no such part.
+Parameters are those that belong to the corrections: δ has no such part. An interior orientation that is held
+is exact, so that image errors are what comes on top of it: δ has no part that another one would imitate.
 
 Of δ only those combinations are kept that move an unknown by more than a part of its σ.
 """
@@ -31,6 +32,7 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
 from adjust.observations.control_point import ControlPoints
 from adjust.one_thread import one_thread
+from adjust.parameters import INTERIOR_ORIENTATION
 from adjust.quality.control_checks import k_fold, leave_one_out
 from adjust.quality.correction_errors import CorrectionErrors
 from adjust.quality.unknown_errors import errors_of_families
@@ -42,6 +44,7 @@ from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.residual_grid import ResidualGrid
 from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.solve.full_vectors import FullVectors, joined, solve_full
+from adjust.solve.whitening import standardize
 
 # Of more sub-areas the matrices would not fit.
 MOST_CELLS = 1_300
@@ -176,7 +179,7 @@ def _of_set(
     response = (means.T @ fields).toarray() - imitated[c:, :c]
     noise = variance * ((means.T @ means).toarray() - imitated[c:, c:])
     correction, left = field.value.T[known], grid.mean.T[known]
-    contained = _without(_imitable(loads, c), grid.count.T[known].astype(np.float64))
+    contained = _without(_imitable(result, rows, loads, means), grid.count.T[known].astype(np.float64))
     expected = expected_field(grid.cells, known, left + response @ correction, response, noise, contained)
     wrong = contained @ correction - expected.value
     errors = _strongest(np.column_stack([expected.root, wrong]), imitated[:c, :c], _NEGLECTED * variance)
@@ -203,15 +206,23 @@ def _columns(
     return Sparse(sparse.hstack(fields)), Sparse(sparse.hstack(means))
 
 
-def _imitable(loads: FieldLoads, c: int) -> Floats:
-    """Fields (c, p) that free parameters of the camera and a rotation of all images make, of length 1.
+def _imitable(result: AdjustmentResult, rows: Ints, loads: FieldLoads, means: Sparse[np.float64]) -> Floats:
+    """Fields (c, p) that the parameters of the camera and a rotation of all images make, of length 1.
+
+    Interior orientation, rotation, and what else is free: its derivatives, as means of the cells.
 
     Parameters
     ----------
     loads : of E, then of Dᵀ, which takes the means of derivatives.
     """
+    c, interior = means.shape[1], result.layout.columns[INTERIOR_ORIENTATION]
+    rays = result.observations.image_points.only(rows)
+    equations = standardize(rays, rays.linearize(result.solution.linearization))
+    (own,) = (term.jacobian for term in equations.terms if term.block == INTERIOR_ORIENTATION)
     rotations = loads.of_exposures[:, c:].toarray().reshape(-1, 6, c)[:, 3:].sum(axis=0)
-    fields = np.vstack([rotations, loads.of_border[:, c:]]).T
+    others = np.delete(loads.of_border[:, c:], interior[interior >= 0], axis=0)
+    of_interior = np.asarray(means.T @ own.reshape(2 * len(rows), 3))
+    fields = np.column_stack([of_interior, rotations.T, others.T])
     size = np.sqrt(np.sum(fields**2, axis=0))
     return np.asarray(fields[:, size > 0.0] / size[size > 0.0])
 
