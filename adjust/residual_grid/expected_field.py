@@ -34,6 +34,8 @@ _FLOOR = 1e-6
 _SMALL = 1e-4
 # Logarithm of the variance of a signal over that of the noise: where the search begins, and its limits.
 _START, _RANGE = 4.0, (-14.0, 26.0)
+# The variance of a field is at most this part of the mean square of the means.
+_LARGEST = 100.0
 # Part of the logarithm of the probability by which it has to grow in a step.
 _SETTLED = 1e-7
 
@@ -68,12 +70,13 @@ def expected_field(
     contained : (c, c) projection of any field onto what this one can contain.
     """
     c, ways = len(means), (True, False) if cells.tile.any() else (True,)
-    roots = [
-        contained @ _correlation_root(cells, known, length, across) for across in ways for length in _LENGTHS
-    ]
+    correlated = [_correlation_root(cells, known, length, across) for across in ways for length in _LENGTHS]
+    roots = [own for root in correlated if _is_large(own := contained @ root, root)]
+    if not roots:
+        return ExpectedField(0.0, np.zeros(c), np.zeros((c, 0)))
     lower = np.linalg.cholesky(noise + _FLOOR * np.mean(np.diagonal(noise)) * np.eye(c))
     observed, through = (linalg.solve_triangular(lower, item, lower=True) for item in (means, response))
-    variance = _variances([through @ root for root in roots], observed)
+    variance = _variances([through @ root for root in roots], observed, _LARGEST * float(np.mean(means**2)))
     root = np.concatenate([np.sqrt(own) * part for own, part in zip(variance, roots, strict=True)], axis=1)
     shown = through @ root
     lower = np.linalg.cholesky(np.eye(c) + shown @ shown.T)
@@ -83,16 +86,23 @@ def expected_field(
     return ExpectedField(float(np.sqrt(np.sum(variance))), root @ (seen.T @ told), left)
 
 
-def _variances(shown: list[Floats], observed: Floats) -> Floats:
+def _is_large(contained: Floats, field: Floats) -> bool:
+    """Whether something is left of a field."""
+    return float(np.sum(contained**2)) > _SMALL * float(np.sum(field**2))
+
+
+def _variances(shown: list[Floats], observed: Floats, most: float) -> Floats:
     """The s_j² (j,).
 
     Parameters
     ----------
     shown, observed : M K_j (c, r) and m (c,), with 1 as the covariance of the noise.
+    most : upper limit, for what the means do not tell.
     """
     weights = np.array([part @ part.T for part in shown])
-    # Over the variance of the noise, in the mean.
-    size = np.maximum([np.trace(own) / len(own) for own in weights], np.finfo(float).tiny)
+    # Over the variance of the noise, in the mean; what no mean shows at all is nothing or the limit.
+    size = np.maximum([np.trace(own) / len(own) for own in weights], np.exp(_RANGE[0] + 2.0) / most)
+    upper = np.clip(np.log(size * most), *_RANGE)
 
     def loss(logarithms: Floats) -> tuple[float, Floats]:
         """−log of the probability of the means, but for a constant, and its derivatives."""
@@ -106,10 +116,10 @@ def _variances(shown: list[Floats], observed: Floats) -> Floats:
 
     found = optimize.minimize(
         loss,
-        np.full(len(shown), _START),
+        np.minimum(_START, upper),
         jac=True,
         method="L-BFGS-B",
-        bounds=[_RANGE] * len(shown),
+        bounds=[(_RANGE[0], limit) for limit in upper],
         options={"ftol": _SETTLED},
     )
     variance = np.exp(found.x) / size

@@ -76,3 +76,25 @@ def test_scale_and_units_do_not_matter() -> None:
     other = expected(cells, 1e-6 * means, np.eye(c), 0.09e-12 * np.eye(c))
     assert other.sigma == pytest.approx(1e-6 * one.sigma, rel=1e-3)
     np.testing.assert_allclose(1e6 * other.value, one.value, atol=2e-3)
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_where_parameters_imitate_nearly_everything_nothing_is_made_up(number: int) -> None:
+    cells = FormatCells.of(HALF, number)
+    c, means = 2 * cells.count, np.random.default_rng(3).normal(size=2 * cells.count)
+    known = np.ones((2, cells.count), dtype=bool)
+    nothing = expected_field(cells, known, means, np.eye(c), np.eye(c), np.zeros((c, c)))
+    assert nothing.sigma == 0.0
+    assert not np.any(nothing.value)
+    hardly = expected_field(cells, known, means, np.eye(c), np.eye(c), 1e-9 * np.ones((c, c)))
+    assert hardly.sigma == 0.0
+
+
+def test_what_means_do_not_tell_has_a_limit() -> None:
+    cells = FormatCells.of(HALF, 6)
+    c = 2 * cells.count
+    means = np.random.default_rng(3).normal(size=c)
+    found = expected(cells, means, np.zeros((c, c)), np.eye(c))
+    assert np.isfinite(found.root).all()
+    assert found.sigma < 20.0 * float(np.sqrt(np.mean(means**2)))
+    np.testing.assert_allclose(found.value, 0.0, atol=1e-9)
