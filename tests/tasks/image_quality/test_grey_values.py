@@ -10,7 +10,7 @@ import pytest
 from tasks.image_files.image_reader import ImageDescription
 from tasks.image_quality.grey_values import GreyValues
 
-ABOUT = ImageDescription(Path("a.tif"), 100, 80, 1, "uint16", 16, "all", None, (), 16)
+ABOUT = ImageDescription(Path("a.tif"), 100, 80, 1, "uint16", 16, "all", None, (), 16, 100)
 DARK, BRIGHT = np.full((40, 100), 1023, np.uint16), np.full((40, 100), 40_000, np.uint16)
 CLIPPED, GREY = np.full((40, 100), 4095, np.uint16), np.full((40, 100), 2000, np.uint16)
 
