@@ -121,6 +121,8 @@ def test_the_errors_of_a_calibration_are_part_of_every_sigma(adjust: Adjust) -> 
     (test,) = said["registered_calibrations"]
     assert (test["use"], test["parameters"], test["contradicted"]) == ("consider", 5, False)
     assert said["registered_calibration"] == test["probability"]
+    predicted = np.sqrt(np.mean(sigmas(consider, "check_points") ** 2, axis=0))
+    np.testing.assert_allclose(said["check_point_test"]["predicted_rmse_m"], predicted, rtol=1e-6)
     page = (consider / "report.html").read_text()
     assert "held, its σ included in all others" in page
     assert 'id="registered-calibrations"' in page
