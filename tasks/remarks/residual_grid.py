@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 import pandas as pd
 
-from tasks.quantities import named
+from tasks.quantities import entity_words
 from tasks.results.figures import (
     CameraGridFigure,
     CorrectionErrorsFigure,
@@ -78,7 +78,8 @@ def _remaining(figure: CorrectionErrorsFigure, cameras: Iterable[CameraGridFigur
     )
     parameter = ""
     if figure.factor is not None:
-        parameter = f", and that of {named(figure.parameter, figure.entity)} {figure.factor:.1f} times"
+        named = entity_words(figure.parameter, figure.entity)
+        parameter = f"; of the parameters that of {named} has grown most: {figure.factor:.1f} times"
     return (
         "The standard deviations include what the corrections by mean residuals leave in the adjusted values "
         f"of image errors of {assumed}, which the mean residuals indicate: those of heights of object points "

@@ -346,7 +346,8 @@ def test_corrections_by_mean_residuals_say_whether_sigmas_contain_what_they_leav
     _, included = residual_grid_sentences(figure.model_copy(update={"remaining": remaining}), no_pairs)
     assert "include what the corrections by mean residuals leave" in included
     assert "image errors of 1.2 µm (camera A)" in included
-    assert "5.0 times as large as without, and that of focal_length of A 2.3 times." in included
+    assert "are 5.0 times as large as without; " in included
+    assert "that of focal length of A has grown most: 2.3 times." in included
     none = iteration.model_copy(update={"taken": 0})
     (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=none), no_pairs)
     assert "not corrected" in sentence
