@@ -26,7 +26,7 @@ from adjust.quality.considered_errors import ConsideredErrors, Contradiction
 from adjust.quality.detectability import INDISTINGUISHABLE
 from adjust.quality.model_alternatives import considered_alternatives
 from adjust.quality.single_error import single_errors
-from adjust.quality.unknown_errors import errors_of_families
+from adjust.quality.unknown_errors import errors_of_families, in_datum
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import Solution
@@ -66,11 +66,7 @@ def considered_errors(system: System, solution: Solution) -> ConsideredErrors | 
     left = products.own - load.dot(solved)
     k = len(known.places)
     onto_errors = np.vstack([-known.root, np.zeros((1, k))])
-    of_unknowns = solved.times(onto_errors)
-    if solution.movements is not None:
-        g = solution.movements.vectors
-        of_unknowns = of_unknowns.minus(g.times(solution.movements.selected.dot(of_unknowns)))
-    of_unknowns = replace(of_unknowns, of_border=of_unknowns.of_border[: system.layout.border])
+    of_unknowns = in_datum(solution, system.layout, solved.times(onto_errors))
     of_families = errors_of_families(system.layout, of_unknowns.of_border)
     for place, own in zip(known.places, known.root, strict=True):
         of_families[place.family][place.entity, place.component] = own

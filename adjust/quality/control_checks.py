@@ -43,7 +43,8 @@ class ControlCheck:
     fold : (n,) which were left out together.
     difference : (n, 3) predicted minus surveyed along east, north, up, metres; NaN where there is none.
     cofactor : (n, 3, 3) of the differences for σ0 = 1, with that of the survey, m²; NaN likewise.
-    considered : (n, 3, 3) what errors of considered parameters add to their covariance, whatever σ0 is, m².
+    considered : (n, 3, 3) what errors of considered parameters and of corrections of image coordinates add to
+        their covariance, whatever σ0 is, m².
     """
 
     fold: Ints
@@ -56,7 +57,7 @@ class ControlCheck:
 class Prediction:
     """Whitened differences (m, 3) of control points, cofactors (m, 3, 3); NaN where undetermined.
 
-    And their errors (m, 3, k) by errors of considered parameters.
+    And their errors (m, 3, k) by errors of considered parameters and corrections.
     """
 
     difference: Floats
@@ -71,7 +72,7 @@ class _Whitened:
     Attributes
     ----------
     residual : (n, 3) v; zero for absent components.
-    errors : (n, 3, k) of v by k independent errors in the considered parameters.
+    errors : (n, 3, k) of v by k independent errors in the considered parameters and corrections.
     jacobian : (n, 3, 3) with respect to the object point.
     unwhitener : (n, 3, 3) back to metres.
     used : (n,) whether the point was used (and was not rejected).
@@ -150,7 +151,7 @@ def predicted_without(residual: Floats, hat: Floats, used: Bools, errors: Floats
     residual : (m, 3) whitened residuals.
     hat : (3 m, 3 m) hat matrix A Q Aᵀ of their whitened observations.
     used : (m,) those that were used in the adjustment.
-    errors : (m, 3, k) of the residuals by errors of considered parameters; None without any.
+    errors : (m, 3, k) of the residuals by errors of considered parameters and corrections; None without any.
     """
     m = len(used)
     moved = np.zeros((3 * m, 0)) if errors is None else errors.reshape(3 * m, -1).copy()

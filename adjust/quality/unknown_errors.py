@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from adjust.arrays import Floats
 from adjust.observations.base import Linearization
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
 from adjust.solve.full_vectors import FullVectors
+from adjust.solve.gauss_newton import Solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,14 @@ class UnknownErrors:
             else:
                 errors += term.jacobian @ self.of_families[term.block][term.index]
         return errors
+
+
+def in_datum(solution: Solution, layout: ParameterLayout, errors: FullVectors) -> FullVectors:
+    """Errors (u, k) of the unknowns of a layout, in the datum of a free network."""
+    if solution.movements is not None:
+        vectors = solution.movements.vectors
+        errors = errors.minus(vectors.times(solution.movements.selected.dot(errors)))
+    return replace(errors, of_border=errors.of_border[: layout.border])
 
 
 def errors_of_families(layout: ParameterLayout, of_border: Floats) -> dict[str, Floats]:

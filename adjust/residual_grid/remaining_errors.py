@@ -35,7 +35,7 @@ from adjust.one_thread import one_thread
 from adjust.parameters import INTERIOR_ORIENTATION
 from adjust.quality.control_checks import k_fold, leave_one_out
 from adjust.quality.correction_errors import CorrectionErrors
-from adjust.quality.unknown_errors import errors_of_families
+from adjust.quality.unknown_errors import errors_of_families, in_datum
 from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.expected_field import expected_field
 from adjust.residual_grid.field_loads import FieldLoads, Sparse
@@ -97,7 +97,9 @@ def remaining_errors(
     there = [item for item in found if item is not None]
     if not there:
         return None
-    of_unknowns = _solved(result, joined([item.loads for item in there]))
+    solution, loads = result.solution, joined([item.loads for item in there])
+    solved = solve_full(result.system, solution.linearization, solution.factorization, loads)
+    of_unknowns = in_datum(solution, result.layout, solved)
     return CorrectionErrors(
         of_unknowns,
         errors_of_families(result.layout, of_unknowns.of_border),
@@ -150,16 +152,6 @@ class _Fields:
 def _known(field: CorrectionField, grid: ResidualGrid) -> Bools:
     """(2, k) the coordinates and cells with a correction and a mean."""
     return np.asarray(np.isfinite(grid.mean) & np.isfinite(field.value)).T
-
-
-def _solved(result: AdjustmentResult, loads: FullVectors) -> FullVectors:
-    """Errors of the unknowns by loads, in the datum of a free network."""
-    solution = result.solution
-    found = solve_full(result.system, solution.linearization, solution.factorization, loads)
-    if solution.movements is not None:
-        vectors = solution.movements.vectors
-        found = found.minus(vectors.times(solution.movements.selected.dot(found)))
-    return replace(found, of_border=found.of_border[: result.layout.border])
 
 
 def _of_set(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -42,9 +43,11 @@ class Corrected:
     grid: ResidualGrid
 
     @classmethod
-    def once(cls, **free: object) -> Corrected:
+    def once(cls, heads: Literal[1, 2] = 1, **free: object) -> Corrected:
         """Corrected once by plain means of 3 × 3 sub-areas; radial errors of 8 µm at 50 mm."""
-        scene = two_strips(noise_seed=3, free=free, distances=2, points_along=20, points_across=10)
+        scene = two_strips(
+            noise_seed=3, free=free, distances=2, points_along=20, points_across=10, heads=heads
+        )
         block, rays = scene.block, scene.observations.image_points
         outwards = 8e-6 * rays.xy * np.sum(rays.xy**2, axis=1, keepdims=True) / 0.05**3
         observations = replace(scene.observations, image_points=replace(rays, xy=rays.xy + outwards))
@@ -139,11 +142,11 @@ class Dense:
         self.added = errors @ errors.T
 
 
-@pytest.mark.parametrize("free", [FREE, HELD])
+@pytest.mark.parametrize(("free", "heads"), [(FREE, 1), (HELD, 1), (HELD, 2)])
 def test_errors_of_all_unknowns_are_those_of_full_matrices(
-    free: dict[str, object], monkeypatch: pytest.MonkeyPatch
+    free: dict[str, object], heads: Literal[1, 2], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    once = Corrected.once(**free)
+    once = Corrected.once(heads, **free)
     dense = Dense(once)
     assert dense.expected.sigma > 1e-6
     monkeypatch.setattr(remaining_errors_module, "_NEGLECTED", -1.0)
