@@ -3,8 +3,10 @@
 Mean residuals m of a set of images show what has to be added to its image coordinates, f, through the
 adjustment: m = M f + η, with the noise η of covariance V. f is taken for a sum of random fields f_j of
 different lengths L_j, with the variance s_j² and the correlation exp(−(d/L_j)²) of each coordinate: some over
-the whole format, as lenses have them, some of each CCD image by itself. With roots K_j of their correlation
-matrices
+the whole format, some of each CCD image by itself. One more is radial, as most of what lenses have: a random
+function of the distance r from the middle, correlated by (r r'/R²) exp(−((r − r')/L)²), with the largest
+distance R. It is what blocks imitate most easily, and other fields would have to be large to contain it.
+With roots K_j of their correlation matrices
 
     f = K a,    a ~ N(0, 1),    K = (s_1 K_1, s_2 K_2, …),    C = K Kᵀ
     f̂ = C Mᵀ (M C Mᵀ + V)⁻¹ m,    Cov(f) = C − C Mᵀ (M C Mᵀ + V)⁻¹ M C
@@ -28,6 +30,7 @@ from adjust.residual_grid.format_cells import Division, FormatCells
 
 # Correlation lengths, in parts of the longer side of the format.
 _LENGTHS = (0.1, 0.25, 0.6)
+_RADIAL_LENGTH = 0.25
 # Part of the mean variance of the noise that is added to it: what the unknowns imitate has none.
 _FLOOR = 1e-6
 # Columns of a root that add less than this part of the largest variance are left out.
@@ -46,12 +49,14 @@ class ExpectedField:
 
     Attributes
     ----------
-    sigma : standard deviation of the field before anything is known of it, metres.
+    sigma : RMS of the field, of its most probable values and their standard deviations, metres.
+    evidence : twice the logarithm of how many times as probable the means are with the field as without.
     value : (c,) its most probable values, metres.
     root : (c, r) root of its covariance, metres.
     """
 
     sigma: float
+    evidence: float
     value: Floats
     root: Floats
 
@@ -71,19 +76,21 @@ def expected_field(
     """
     c, ways = len(means), (True, False) if cells.tile.any() else (True,)
     correlated = [_correlation_root(cells, known, length, across) for across in ways for length in _LENGTHS]
+    correlated.append(_radial_root(cells, known))
     roots = [own for root in correlated if _is_large(own := contained @ root, root)]
     if not roots:
-        return ExpectedField(0.0, np.zeros(c), np.zeros((c, 0)))
+        return ExpectedField(0.0, 0.0, np.zeros(c), np.zeros((c, 0)))
     lower = np.linalg.cholesky(noise + _FLOOR * np.mean(np.diagonal(noise)) * np.eye(c))
     observed, through = (linalg.solve_triangular(lower, item, lower=True) for item in (means, response))
-    variance = _variances([through @ root for root in roots], observed, _LARGEST * float(np.mean(means**2)))
+    shown = [through @ root for root in roots]
+    variance, evidence = _variances(shown, observed, _LARGEST * float(np.mean(means**2)))
     root = np.concatenate([np.sqrt(own) * part for own, part in zip(variance, roots, strict=True)], axis=1)
-    shown = through @ root
-    lower = np.linalg.cholesky(np.eye(c) + shown @ shown.T)
-    told, seen = (linalg.solve_triangular(lower, item, lower=True) for item in (observed, shown))
+    visible = through @ root
+    lower = np.linalg.cholesky(np.eye(c) + visible @ visible.T)
+    told, seen = (linalg.solve_triangular(lower, item, lower=True) for item in (observed, visible))
     values, vectors = linalg.eigh(root @ (root.T - seen.T @ (seen @ root.T)))
-    left = vectors * np.sqrt(np.maximum(values, 0.0))
-    return ExpectedField(float(np.sqrt(np.sum(variance))), root @ (seen.T @ told), left)
+    value, left = root @ (seen.T @ told), vectors * np.sqrt(np.maximum(values, 0.0))
+    return ExpectedField(float(np.sqrt((np.sum(value**2) + np.sum(left**2)) / c)), evidence, value, left)
 
 
 def _is_large(contained: Floats, field: Floats) -> bool:
@@ -91,8 +98,8 @@ def _is_large(contained: Floats, field: Floats) -> bool:
     return float(np.sum(contained**2)) > _SMALL * float(np.sum(field**2))
 
 
-def _variances(shown: list[Floats], observed: Floats, most: float) -> Floats:
-    """The s_j² (j,).
+def _variances(shown: list[Floats], observed: Floats, most: float) -> tuple[Floats, float]:
+    """The s_j² (j,), and the evidence for them.
 
     Parameters
     ----------
@@ -123,7 +130,7 @@ def _variances(shown: list[Floats], observed: Floats, most: float) -> Floats:
         options={"ftol": _SETTLED},
     )
     variance = np.exp(found.x) / size
-    return np.where(found.x > _RANGE[0] + 1.0, variance, 0.0)
+    return np.where(found.x > _RANGE[0] + 1.0, variance, 0.0), float(observed @ observed - 2.0 * found.fun)
 
 
 def _correlation_root(cells: FormatCells, known: Bools, length: float, across: bool) -> Floats:
@@ -131,12 +138,29 @@ def _correlation_root(cells: FormatCells, known: Bools, length: float, across: b
 
     exp(−(d/L)²) is a product of those along the two sides, and so is its root.
     """
-    longer = max(float(np.ptp(side.edges)) for side in (cells.along_x, cells.along_y))
-    of_x, of_y = (_root_along(side, length * longer, across) for side in (cells.along_x, cells.along_y))
+    scale = length * _longer_side(cells)
+    of_x, of_y = (_root_along(side, scale, across) for side in (cells.along_x, cells.along_y))
     root = np.kron(of_y, of_x)
     size = np.sum(root**2, axis=0)
     root = root[:, size > _SMALL * size.max()]
     return np.asarray(linalg.block_diag(*(root[own] for own in known)))
+
+
+def _radial_root(cells: FormatCells, known: Bools) -> Floats:
+    """Root K (c, r) of the correlations of a radial field, whose parts along x and y belong together."""
+    x, y = cells.middles.T
+    distance = np.hypot(x, y)
+    relative = distance / max(float(distance.max()), 1e-9)
+    apart = (distance[:, None] - distance) / (_RADIAL_LENGTH * _longer_side(cells))
+    values, vectors = linalg.eigh(np.outer(relative, relative) * np.exp(-(apart**2)))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    root = root[:, values > _SMALL * values.max()]
+    outwards = [side / np.maximum(distance, 1e-9) for side in (x, y)]
+    return np.concatenate([(out[:, None] * root)[own] for out, own in zip(outwards, known, strict=True)])
+
+
+def _longer_side(cells: FormatCells) -> float:
+    return max(float(np.ptp(side.edges)) for side in (cells.along_x, cells.along_y))
 
 
 def _root_along(side: Division, length: float, across: bool) -> Floats:

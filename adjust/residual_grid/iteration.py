@@ -37,6 +37,7 @@ from adjust.result import AdjustmentResult
 from adjust.selection.readjustment import Readjusted, Readjustment
 
 Reason = Literal["nothing_to_model", "cross_validation", "settled", "limit"]
+CorrectionMethod = Literal["means", "collocation"]
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ class GridIteration:
     steps : before the first step and after each.
     cross_validation : likewise; empty where it was not requested or the halves have too few image points.
     reason : why no further step was taken.
+    method : how corrections follow from means.
     """
 
     fields: Fields
@@ -78,6 +80,7 @@ class GridIteration:
     steps: tuple[GridStep, ...]
     cross_validation: tuple[CrossStep, ...]
     reason: Reason
+    method: CorrectionMethod = "means"
 
     @property
     def taken(self) -> int:
@@ -128,7 +131,7 @@ def iterate_grid(
     now = Readjusted(result.state, result.test.sigma0, rays.residual)
     before = means = sets.means(now)
     halves = ImageHalves.of(sets, fields, now) if rule.cross_validate else None
-    steps = [_step(0, now, means)]
+    steps = [grid_step(0, now, means)]
     tried = [] if halves is None else [halves.step(0)]
     reason: Reason = "limit"
     for number in range(1, rule.most_iterations + 1):
@@ -144,11 +147,11 @@ def iterate_grid(
         fields = sets.added(fields, means)
         now = sets.adjusted(fields, now.state)
         means = sets.means(now)
-        steps.append(_step(number, now, means))
+        steps.append(grid_step(number, now, means))
     return GridIteration(fields, before, means, now.state, tuple(steps), tuple(tried), reason)
 
 
-def _step(number: int, now: Readjusted, means: Grids) -> GridStep:
+def grid_step(number: int, now: Readjusted, means: Grids) -> GridStep:
     """Figures over all sets together; zero where no cell has enough image points."""
     there = [grid for grid in means if grid is not None]
     if not any(grid.known.any() for grid in there):

@@ -22,6 +22,7 @@ from adjust.errors import AdjustmentError
 from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.residual_grid.autocorrelation import Autocorrelation, autocorrelation
+from adjust.residual_grid.collocation import collocate
 from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.image_correction import CorrectionField, corrected
@@ -194,11 +195,14 @@ def _iterated(
         settings.interpolation,
         settings.cross_validation,
     )
-    start = tuple(
-        CorrectionField.zero(own) if own is not None and field is None else field
-        for own, field in zip(cells, fields, strict=True)
-    )
-    found = iterate_grid(block, result, cells, block.camera_of_image, rule, options, start)
+    if settings.method == "collocation":
+        found = collocate(block, result, cells, block.camera_of_image, rule, options)
+    else:
+        start = tuple(
+            CorrectionField.zero(own) if own is not None and field is None else field
+            for own, field in zip(cells, fields, strict=True)
+        )
+        found = iterate_grid(block, result, cells, block.camera_of_image, rule, options, start)
     for step in found.steps:
         _log.info(
             "bundle_adjustment: corrected %d times by mean residuals: σ0 %.4f, remaining means of %.3f µm",

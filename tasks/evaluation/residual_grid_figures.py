@@ -131,6 +131,7 @@ def _iteration_figure(iteration: GridIteration | None) -> GridIterationFigure | 
     if iteration is None:
         return None
     return GridIterationFigure(
+        method=iteration.method,
         taken=iteration.taken,
         reason=iteration.reason,
         gain=iteration.gain,

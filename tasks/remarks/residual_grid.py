@@ -18,6 +18,8 @@ from tasks.results.figures import (
 
 # Chance makes the share of significant sub-areas scatter; beyond so many of its σ it is not chance.
 _NOT_BY_CHANCE = 4.0
+# Standard deviations of heights with what corrections leave, over those without: worth another method.
+_MUCH = 1.5
 # Correlations of neighbours up to this distance are what the model should have taken out.
 _NEIGHBOURS_MM = 4.0
 # Weaker ones are of no consequence.
@@ -46,6 +48,11 @@ def residual_grid_sentences(grid: ResidualGridFigure, autocorrelation: pd.DataFr
         yield _corrected(grid.iteration)
     if grid.remaining is not None:
         yield _remaining(grid.remaining, grid.cameras)
+        if grid.remaining.heights > _MUCH and grid.iteration is not None and grid.iteration.method == "means":
+            yield (
+                "Corrections that are estimated through the normal equations usually leave much less: set "
+                'adjustment.residual_grid.method = "collocation".'
+            )
     elif grid.iteration is not None and grid.iteration.taken:
         yield (
             "The standard deviations take the corrections by mean residuals as exact: for so many sub-areas "
@@ -64,8 +71,11 @@ def _corrected(iteration: GridIterationFigure) -> str:
         return f"The image coordinates were not corrected by their mean residuals: {reason}."
     first, last = iteration.steps[0], iteration.steps[-1]
     times = "once" if iteration.taken == 1 else f"{iteration.taken} times"
+    way = (
+        "by their mean residuals" if iteration.method == "means" else "by collocation of their mean residuals"
+    )
     return (
-        f"The image coordinates were corrected {times} by their mean residuals, which changed σ0 from "
+        f"The image coordinates were corrected {times} {way}, which changed σ0 from "
         f"{first.sigma0:.3f} to {last.sigma0:.3f}; {reason}."
     )
 

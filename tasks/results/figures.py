@@ -133,6 +133,7 @@ class CrossStepFigure(Figure):
 class GridIterationFigure(Figure):
     """Corrections by mean residuals, before the first one and after each."""
 
+    method: str = "means"
     taken: int
     reason: str
     stopped_because: str = ""

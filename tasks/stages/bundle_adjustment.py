@@ -154,20 +154,28 @@ def _written(
     folder: Path, prepared: AssembledBlock, estimated: _Estimated, settings: AdjustmentSettings
 ) -> Notes:
     """Write the tables; returns the figures, and what looks wrong with the lever arms."""
-    adjusted, selection, grids = estimated.adjusted, estimated.selection, estimated.grids
-    cameras = adjusted.block.cameras
-    rays = prepared.observations.image_points
+    adjusted, rays = estimated.adjusted, prepared.observations.image_points
     # The large tables are written next to the tests of the model, which leave a processor half of the time.
     with ThreadPoolExecutor(1) as beside:
-        written = [
+        large = [
             beside.submit(write_residuals, folder, adjusted),
             beside.submit(write_residual_autocorrelation, folder, adjusted.block, rays, adjusted.result),
             beside.submit(write_object_points, folder, adjusted),
             beside.submit(write_exterior_orientations, folder, adjusted),
         ]
-        examined = _examined_model(prepared, adjusted, settings)
-        for table in written:
+        notes = _written_small(folder, prepared, estimated, settings)
+        for table in large:
             table.result()
+    return notes
+
+
+def _written_small(
+    folder: Path, prepared: AssembledBlock, estimated: _Estimated, settings: AdjustmentSettings
+) -> Notes:
+    """Test the model, and write all but the large tables; returns as above."""
+    adjusted, selection, grids = estimated.adjusted, estimated.selection, estimated.grids
+    cameras = adjusted.block.cameras
+    examined = _examined_model(prepared, adjusted, settings)
     write_control_residuals(folder, adjusted)
     distances = write_distance_residuals(folder, adjusted)
     eliminated: frozenset[tuple[str, str]] = frozenset()

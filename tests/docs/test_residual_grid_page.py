@@ -16,11 +16,12 @@ def test_the_table_has_the_results_of_the_example() -> None:
         r"^ *(\w+): .+?σ0 ([\d.]+) +Z ([\d.]+) m(?: +(\d+) × +([\d.]+) %)?$", printed, re.MULTILINE
     )
     high = [row for row in rows if row[0] == "high"]
-    assert len(high) == 7
+    assert len(high) == 8
     for _, sigma0, height, steps, reduction in high:
         last = f"{reduction} % ({steps} steps) |" if steps else "|"
         assert f"| {sigma0} | {height} m | {last}" in PAGE
-    before, after = [row for row in rows if row[0] == "low"]
+    before, means, collocated, after = [row for row in rows if row[0] == "low"]
+    assert f"| {before[2]} m | {means[2]} m | **{collocated[2]} m** |" in PAGE
     assert f"σ0 of the low one from {before[1]} to {after[1]}" in PAGE
     assert f"its height error from {before[2]} m to {after[2]} m" in PAGE
     (differ,) = re.findall(r"(\d+) % of the sub-areas differ", printed)

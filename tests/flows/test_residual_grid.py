@@ -118,6 +118,20 @@ def test_iterated_corrections_take_the_systematic_part_away(run) -> None:
     assert camera["correction_rms_um"] == pytest.approx(rms.tolist(), rel=1e-6)
 
 
+def test_collocation_takes_more_than_the_means_away_in_one_step(run, report) -> None:
+    settings = (f"{GRID}.iterations=4", f'{GRID}.method="collocation"', f"{GRID}.cells=9")
+    figures, means = summary(run(*settings)), summary(run(f"{GRID}.iterations=4", f"{GRID}.cells=9"))
+    iteration = figures["residual_grid"]["iteration"]
+    assert iteration["method"] == "collocation"
+    assert iteration["steps"][1]["sigma0"] < means["residual_grid"]["iteration"]["steps"][1]["sigma0"]
+    assert iteration["gain"] > 0.2
+    assert figures["sigma0"] == pytest.approx(iteration["steps"][-1]["sigma0"], rel=1e-3)
+    heights, of_means = (item["residual_grid"]["remaining"]["heights"] for item in (figures, means))
+    assert 1.0 < heights < of_means
+    assert any("by collocation of their mean residuals" in problem for problem in figures["problems"])
+    assert 'id="grid-iteration"' in report(*settings)
+
+
 def test_the_grid_of_another_run_is_applied_before_the_adjustment(run) -> None:
     first = run(f"{GRID}.iterations=4")
     file = first.directory / "residual_grid.parquet"

@@ -122,7 +122,7 @@ def _grid(settings: AdjustmentSettings) -> tuple[str, ...]:
     own = settings.residual_grid
     found = [
         *([f"from {len(own.file)} earlier adjustments"] if own.file else []),
-        *([f"up to {own.iterations} iterations"] if own.iterations else []),
+        *([f"up to {own.iterations} iterations ({own.method})"] if own.iterations else []),
     ]
     return tuple(found) or (_NONE,)
 

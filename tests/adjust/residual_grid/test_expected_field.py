@@ -28,6 +28,36 @@ def drawn(cells: FormatCells, length: float, across: bool, seed: int) -> Floats:
     return np.concatenate([lower @ random.normal(size=cells.count) for _ in range(2)])
 
 
+def drawn_radial(cells: FormatCells, seed: int) -> Floats:
+    """A radial field (2 k,) of variance 1 at the outermost middles, RMS about 0.6."""
+    distance = np.linalg.norm(cells.middles, axis=1)
+    relative, apart = distance / distance.max(), (distance[:, None] - distance) / (2.0 * max(HALF))
+    correlation = np.outer(relative, relative) * np.exp(-((apart / 0.25) ** 2))
+    lower = np.linalg.cholesky(correlation + 1e-9 * np.eye(cells.count))
+    size = lower @ np.random.default_rng(seed).normal(size=cells.count)
+    return np.asarray((size[:, None] * cells.middles / np.maximum(distance, 1e-9)[:, None]).T.ravel())
+
+
+def test_a_radial_field_is_found_where_its_shape_alone_tells_it() -> None:
+    # What is left of a field in the means is far below its size where the block imitates most of it.
+    cells, squares, part = FormatCells.of(HALF, 9, SEAMS), list[float](), list[float]()
+    c = 2 * cells.count
+    for seed in range(12):
+        random, true = np.random.default_rng(200 + seed), 4.0 * drawn_radial(cells, seed)
+        found = expected(cells, 0.2 * true + random.normal(0.0, 0.2, c), 0.2 * np.eye(c), 0.04 * np.eye(c))
+        error = found.value - true
+        squares.append(float(np.mean(error**2) / np.mean(np.sum(found.root**2, axis=1))))
+        part.append(float(np.mean(error**2) / np.mean(true**2)))
+    assert np.median(part) < 0.1
+    assert 0.6 < np.mean(squares) < 1.4
+
+
+def test_one_sub_area_has_no_radial_field() -> None:
+    cells = FormatCells.of(HALF, 1)
+    found = expected(cells, np.array([3.0, -2.0]), np.eye(2), 0.01 * np.eye(2))
+    np.testing.assert_allclose(found.value, [3.0, -2.0], atol=0.1)
+
+
 @pytest.mark.parametrize(("length", "across"), [(0.6, True), (0.25, True), (0.6, False), (0.1, False)])
 def test_a_field_is_found_within_its_covariance(length: float, across: bool) -> None:
     cells, squares, sigma = FormatCells.of(HALF, 9, SEAMS), list[float](), list[float]()

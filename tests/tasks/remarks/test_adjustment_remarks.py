@@ -329,7 +329,7 @@ def test_a_correction_is_said_with_what_it_did_to_sigma0() -> None:
     none = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
     remaining = CorrectionErrorsFigure(heights=5.0)
     figure = ResidualGridFigure(cameras=(), iteration=iteration, remaining=remaining)
-    sentence, _ = residual_grid_sentences(figure, none)
+    sentence, *_ = residual_grid_sentences(figure, none)
     assert "corrected 2 times by their mean residuals, which changed σ0 from 1.250 to 1.050; " in sentence
 
 
@@ -343,11 +343,19 @@ def test_corrections_by_mean_residuals_say_whether_sigmas_contain_what_they_leav
     assert "corrected once by their mean residuals, which changed σ0 from 1.200 to 1.000" in sentence
     assert "The standard deviations take the corrections by mean residuals as exact" in exact
     remaining = CorrectionErrorsFigure(heights=5.04, factor=2.27, parameter="focal_length", entity="A")
-    _, included = residual_grid_sentences(figure.model_copy(update={"remaining": remaining}), no_pairs)
+    little = {"remaining": remaining.model_copy(update={"heights": 1.4})}
+    assert len([*residual_grid_sentences(figure.model_copy(update=little), no_pairs)]) == 2
+    much = figure.model_copy(update={"remaining": remaining})
+    _, included, remedy = residual_grid_sentences(much, no_pairs)
+    assert 'set adjustment.residual_grid.method = "collocation"' in remedy
     assert "include what the corrections by mean residuals leave" in included
     assert "image errors of 1.2 µm (camera A)" in included
     assert "are 5.0 times as large as without; " in included
     assert "that of focal length of A has grown most: 2.3 times." in included
+    collocated = iteration.model_copy(update={"method": "collocation"})
+    figure = figure.model_copy(update={"iteration": collocated, "remaining": remaining})
+    sentence, _ = residual_grid_sentences(figure, no_pairs)
+    assert "corrected once by collocation of their mean residuals, which" in sentence
     none = iteration.model_copy(update={"taken": 0})
     (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=none), no_pairs)
     assert "not corrected" in sentence

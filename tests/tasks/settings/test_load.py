@@ -270,6 +270,12 @@ def test_set_takes_only_keys_that_exist(write, override, part):
         ('cameras."CAM 1".mount_deg=45', "0, 90, 180 or 270"),
         ("version=2", "Input should be 1"),
         ("project.heights={}", "ellipsoidal"),
+        ("adjustment.residual_grid.method=collocation", "corrects nothing with 0 iterations"),
+        ('adjustment.residual_grid={ method = "collocation", iterations = 5, cells = 37 }', "at most 36"),
+        (
+            'adjustment.residual_grid={ method = "collocation", iterations = 5, file = "project.toml" }',
+            "Leave out `file`",
+        ),
     ],
 )
 def test_values_that_cannot_be_are_refused(write, override, part):

@@ -1,0 +1,156 @@
+"""Correction of image coordinates by least-squares collocation of their mean residuals, and adjusted again.
+
+The most probable corrections f̂ are found through the normal equations (``mean_response``,
+``expected_field``): also what orientations and object points imitate of them, and nothing where chance
+explains the means. Plain means that are added again and again (``iteration``) get no further than they show.
+
+The first step is nearly the solution where one set of images is corrected; the second has the noise of the
+block with corrections. Of several sets the means of each say what is wrong with its own corrections while
+those of the others stay as they are: they take turns until nothing changes that shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adjust.arrays import Ints
+from adjust.block import Block
+from adjust.one_thread import one_thread
+from adjust.options import AdjustmentOptions
+from adjust.residual_grid.controlled_residuals import controlled
+from adjust.residual_grid.cross_validation import CrossStep, ImageHalves
+from adjust.residual_grid.format_cells import FormatCells
+from adjust.residual_grid.image_correction import CorrectionField
+from adjust.residual_grid.image_sets import Fields, GridRule, Grids, ImageSets
+from adjust.residual_grid.iteration import GridIteration, Reason, grid_step
+from adjust.residual_grid.mean_response import MeanResponse, known_cells
+from adjust.residual_grid.residual_grid import root_mean_square
+from adjust.result import AdjustmentResult
+from adjust.selection.readjustment import Readjusted, Readjustment
+
+# Evidence for a field that chance hardly gives: in 80 simulated blocks of noise it was below 9.
+_EVIDENCE = 12.0
+
+
+def collocate(
+    block: Block,
+    result: AdjustmentResult,
+    cells: Sequence[FormatCells | None],
+    grid_of_image: Ints,
+    rule: GridRule | None = None,
+    options: AdjustmentOptions | None = None,
+) -> GridIteration:
+    """Correct the image coordinates of an adjusted block by the fields that its mean residuals indicate.
+
+    With cross-validation, corrections from each half of the images are tried on the other first; they are
+    refused if they do not make its mean residuals smaller.
+
+    Parameters
+    ----------
+    result : of the block, without corrections.
+    cells : as of ``iterate_grid``; at most ``mean_response.MOST_CELLS`` of each set.
+    rule : its smoothing is not used.
+
+    Raises
+    ------
+    DatumDefectError, DivergenceError : as of ``adjust_block``.
+    """
+    rule, options = rule or GridRule(), options or AdjustmentOptions()
+    rays = result.groups[0]
+    readjustment = Readjustment.of(block, result, options)
+    sets = ImageSets(readjustment, controlled(rays), tuple(cells), grid_of_image, rule)
+    start = Readjusted(result.state, result.test.sigma0, rays.residual)
+    before = sets.means(start)
+    tried = _tried_on_halves(result, sets, start) if rule.cross_validate else ()
+    now, steps = _Corrected(_nothing(before), start, before), [grid_step(0, start, before)]
+    without = GridIteration(
+        now.fields, before, before, start.state, tuple(steps), tried, "cross_validation", "collocation"
+    )
+    if tried and tried[1].mean_rms > tried[0].mean_rms:
+        return without
+    responses = _responses(result, sets, now)
+    reason: Reason = "limit"
+    for number in range(1, rule.most_iterations + 1):
+        after, change = now.following(sets, responses)
+        if number == 1 and after is now:
+            return replace(without, reason="nothing_to_model")
+        now = after
+        steps.append(grid_step(number, now.adjusted, now.means))
+        if change <= rule.settled:
+            reason = "settled"
+            break
+    return replace(
+        without,
+        fields=now.fields,
+        after=now.means,
+        state=now.adjusted.state,
+        steps=tuple(steps),
+        reason=reason,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Corrected:
+    """Corrections of all sets, the adjustment with them, and the mean residuals that are left."""
+
+    fields: Fields
+    adjusted: Readjusted
+    means: Grids
+
+    def following(self, sets: ImageSets, responses: Mapping[int, MeanResponse]) -> tuple[_Corrected, float]:
+        """After one more correction of each set, one after the other; the largest change over the noise."""
+        now, largest = self, 0.0
+        for k, response in responses.items():
+            field, grid = now.fields[k], now.means[k]
+            assert field is not None
+            assert grid is not None
+            with one_thread():
+                expected, wrong = response.expected(field, grid, now.adjusted.sigma0)
+            if expected.evidence < _EVIDENCE:
+                continue
+            noise = root_mean_square(grid.sigma.T[response.known])
+            largest = max(largest, float(root_mean_square(wrong) / noise))
+            fields = (*now.fields[:k], field.plus(response.of_cells(-wrong)), *now.fields[k + 1 :])
+            adjusted = sets.adjusted(fields, now.adjusted.state)
+            now = _Corrected(fields, adjusted, sets.means(adjusted))
+        return now, largest
+
+
+def _nothing(means: Grids) -> Fields:
+    """Corrections of zero where there is a mean."""
+    return tuple(
+        None if grid is None else CorrectionField(grid.cells, np.where(np.isfinite(grid.mean), 0.0, np.nan))
+        for grid in means
+    )
+
+
+def _responses(result: AdjustmentResult, sets: ImageSets, now: _Corrected) -> dict[int, MeanResponse]:
+    """Those of the sets that have means, by their numbers."""
+    of_ray, found = sets.grid_of_image[result.observations.image_points.image], dict[int, MeanResponse]()
+    for k, (field, grid) in enumerate(zip(now.fields, now.means, strict=True)):
+        if field is not None and grid is not None and (known := known_cells(field, grid)).any():
+            rows = np.flatnonzero(of_ray == k)
+            with one_thread():
+                found[k] = MeanResponse.of(result, rows, grid, known, sets.chosen, sets.rule.interpolation)
+    return found
+
+
+def _tried_on_halves(result: AdjustmentResult, sets: ImageSets, start: Readjusted) -> tuple[CrossStep, ...]:
+    """Before and after the first correction, which the other half of the images indicates; else nothing."""
+    nothing = _nothing(sets.means(start))
+    halves = ImageHalves.of(sets, nothing, start)
+    if halves is None:
+        return ()
+    of_ray = halves.sets.grid_of_image[sets.readjustment.image_points.image] % 2
+    found = []
+    for half in (0, 1):
+        own = replace(sets, chosen=sets.chosen & (of_ray == half)[:, None])
+        means = own.means(start)
+        now = _Corrected(_nothing(means), start, means)
+        found.append(now.following(own, _responses(result, own, now))[0])
+    first, second = found
+    after = replace(halves, fields=(first.fields, second.fields), now=(first.adjusted, second.adjusted))
+    return halves.step(0), after.step(1)
