@@ -93,6 +93,19 @@ def test_half_of_the_sub_areas_are_systematic_and_corrections_hold_in_other_imag
     assert nearest.max() == pytest.approx(0.28, abs=0.02)
 
 
+@pytest.mark.slow
+def test_collocation_holds_in_other_images_after_one_step(adjusted) -> None:
+    corrected = figures(
+        adjusted("adjustment.residual_grid.iterations=5", "adjustment.residual_grid.method=collocation")
+    )
+    iteration = corrected["residual_grid"]["iteration"]
+    assert [step["sigma0"] for step in iteration["steps"]][:2] == pytest.approx([1.064, 0.936], abs=0.003)
+    assert iteration["reason"] == "settled"
+    # Means get no further than 0.1958 µm and 19.8 %.
+    assert iteration["cross_validation"][1]["mean_rms_um"] == pytest.approx(0.1945, abs=0.0008)
+    assert iteration["gain"] == pytest.approx(0.2005, abs=0.003)
+
+
 def test_two_ray_points_along_the_base_are_uncontrolled_and_never_tested(adjusted) -> None:
     table = pq.read_table(
         adjusted("adjustment.rejection={critical_value=3.29}").directory / "residuals.parquet"

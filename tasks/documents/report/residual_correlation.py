@@ -98,4 +98,5 @@ def iteration_table(iteration: GridIterationFigure) -> Table:
         mean_rms = None if other is None else other.mean_rms_um
         rows.append(Row(str(number), (*numbers((float(number),), 0), *numbers((*own, mean_rms), 3))))
     note = f"No further correction: {iteration.stopped_because}."
-    return Table("grid-iteration", "Corrections by mean residuals", columns, tuple(rows), note)
+    way = "collocation of mean residuals" if iteration.method == "collocation" else "mean residuals"
+    return Table("grid-iteration", f"Corrections by {way}", columns, tuple(rows), note)
