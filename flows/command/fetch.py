@@ -19,8 +19,9 @@ def fetch(
 ) -> None:
     """Fetch the results of a run from object storage into a folder.
 
-    Every file is checked against its digest in the manifest; existing files are not fetched again. The
-    folder is then the same as after a run, for registry add, figures and everything else that reads results.
+    Every file is checked against its digest in the manifest; existing files are not fetched again, and
+    files that are not by aerocal or were changed since are not replaced. The folder is then the same as
+    after a run, for registry add, figures and everything else that reads results.
 
     Endpoint, region and credentials come from the environment: AWS_ENDPOINT_URL, AWS_REGION,
     AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY.
@@ -29,7 +30,8 @@ def fetch(
 
       aerocal fetch s3://surveys/2026/block-42 --to block-42
 
-    [bold]Exit codes[/bold]  0 done · 2 no results found · 1 the storage does not answer or refuses
+    [bold]Exit codes[/bold]  0 done · 2 no results found, or a file of yours would be replaced · 1 the storage
+    does not answer or refuses
     """
     end_with(lambda: _fetch(address, to))
 

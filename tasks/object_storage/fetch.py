@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
-from tasks.errors import InputError
+from tasks.errors import InputError, Location
 from tasks.files.delivered_file import require_folder
 from tasks.files.installation import InstallationError, writing_into
+from tasks.files.json_text import read_json, replace_json
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.workspace import ObjectWorkspace, PublishedEntry
-from tasks.results.manifest import read_manifest, write_manifest
+from tasks.results.manifest import MANIFEST, Manifest, read_manifest, write_manifest
 from tasks.results.publish import remove_outdated
-from tasks.results.summary import SUMMARY, Summary, write_summary
+from tasks.results.summary import SUMMARY, Summary, read_summary, write_summary
 from tasks.store.artifact import digest_of_file
 from tasks.store.run_lock import run_lock
+
+#: What an unfinished fetch may have left: digests of files that no manifest there names yet.
+_UNFINISHED = Path(".store", "fetching.json")
 
 
 @dataclass(frozen=True)
@@ -43,12 +50,14 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
     """Download the files that the manifest at an address lists and that have changed.
 
     The files are those of one run, each is checked against its digest and appears whole; manifest.json is
-    replaced last. Files of results that were there before and are none any more are removed.
+    replaced last. Files of results that were there before and are none any more are removed, unless they
+    were changed.
 
     Raises
     ------
     InputError
-        If there are no results at the address, or the folder is a file.
+        If there are no results at the address, the folder is a file, or a file there would be replaced that
+        no run or fetch has written, or that was changed since. Nothing is downloaded then.
     InstallationError
         If the storage does not answer or refuses, an object is missing or damaged, or the folder cannot be
         written.
@@ -65,20 +74,60 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
     entries = tuple(manifest.artifacts.values())
     with writing_into(directory), run_lock(directory):
         last = read_manifest(directory)
-        brought = [entry.file for entry in entries if _brought(workspace, entry, directory)]
+        there = _digests_there(directory, entries)
+        own = _digests_of_own(directory, last) | {entry.sha256 for entry in entries}
+        _require_own(directory, last, there, own)
+        replace_json(directory / _UNFINISHED, sorted(own))
+        missing = [entry for entry in entries if there.get(entry.file) != entry.sha256]
+        for entry in missing:
+            _bring(workspace, entry, directory)
         here = manifest.of_folder()
         if last is not None:
             remove_outdated(directory, last, here, tuple(last.artifacts))
         write_summary(directory, manifest.summary)
         write_manifest(directory, here)
-    return FetchedResults(tuple(sorted(entry.file for entry in entries)), tuple(brought), last_run)
+        (directory / _UNFINISHED).unlink()
+    files, brought = (tuple(entry.file for entry in some) for some in (entries, missing))
+    return FetchedResults(tuple(sorted(files)), brought, last_run)
 
 
-def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path) -> bool:
-    """Make sure that a file is present; returns whether it had to be downloaded."""
+def _digests_there(directory: Path, entries: Sequence[PublishedEntry]) -> dict[str, str]:
+    """By name, the digests of the files that are present."""
+    paths = (directory / entry.file for entry in entries)
+    return {path.name: digest_of_file(path) for path in paths if path.is_file()}
+
+
+def _digests_of_own(directory: Path, last: Manifest | None) -> set[str]:
+    """Digests of what runs and fetches, also interrupted ones, have put into a folder."""
+    own = set() if last is None else {entry.sha256 for entry in last.artifacts.values()}
+    with suppress(OSError, ValueError, TypeError):
+        own.update(cast(list[str], read_json(directory / _UNFINISHED)))
+    return own
+
+
+def _require_own(
+    directory: Path, last: Manifest | None, there: Mapping[str, str], own: Collection[str]
+) -> None:
+    """Refuse to replace a file that no run or fetch has written, or that was changed since."""
+    others = [name for name, digest in there.items() if digest not in own]
+    if last is None and (directory / MANIFEST).exists():
+        others.append(MANIFEST)
+    try:
+        read_summary(directory)
+    except FileNotFoundError:
+        pass
+    except ValueError:
+        others.append(SUMMARY)
+    if others:
+        raise Location(directory / others[0]).error(
+            "The fetched file would replace this one, which is not by aerocal or was changed since.",
+            "Rename it, or choose another folder with --to.",
+        )
+
+
+def _bring(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path) -> None:
+    """Download a file; it appears whole."""
     target = directory / entry.file
-    if target.is_file() and digest_of_file(target) == entry.sha256:
-        return False
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         found = workspace.storage.download(entry.object, temporary)
@@ -92,4 +141,3 @@ def _brought(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path)
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
-    return True

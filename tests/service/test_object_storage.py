@@ -77,6 +77,54 @@ def test_fetched_results_are_those_of_the_run_with_its_manifest(
     assert {path.name for path in (tmp_path / "fetched").glob("*.parquet")} == {"images.parquet"}
 
 
+@pytest.mark.parametrize("name", ["residuals.parquet", "summary.json", "manifest.json"])
+def test_files_of_somebody_else_are_not_replaced_by_fetched_ones(
+    address: ObjectAddress, project: Project, tmp_path: Path, name: str
+) -> None:
+    run(tmp_path / "one", address, project)
+    own = tmp_path / "fetched" / name
+    own.parent.mkdir()
+    own.write_text('{"mine": 1}')
+    with pytest.raises(InputError, match=rf"{name}: .* not by aerocal .* --to"):
+        fetch_results(address, own.parent)
+    assert own.read_text() == '{"mine": 1}'
+    assert {path.name for path in own.parent.iterdir()} == {".store", name}
+
+
+def test_fetched_files_that_were_changed_since_are_not_replaced(
+    address: ObjectAddress, project: Project, tmp_path: Path
+) -> None:
+    run(tmp_path / "one", address, project)
+    fetch_results(address, tmp_path / "fetched")
+    changed = tmp_path / "fetched" / "residuals.parquet"
+    changed.unlink()
+    changed.write_bytes(b"with remarks")
+    run(tmp_path / "one", address, project, 2.0)
+    with pytest.raises(InputError, match=r"residuals.parquet: .* changed"):
+        fetch_results(address, tmp_path / "fetched")
+    assert changed.read_bytes() == b"with remarks"
+    changed.rename(tmp_path / "fetched" / "remarks")
+    fetch_results(address, tmp_path / "fetched")
+    assert value_of(tmp_path / "fetched") == 2.0
+
+
+def test_what_interrupted_fetches_have_left_is_replaced(
+    address: ObjectAddress, project: Project, tmp_path: Path
+) -> None:
+    workspace = ObjectWorkspace.at(address)
+    for value in (1.0, 2.0):
+        run(tmp_path / "one", address, project, value)
+        workspace.storage.put(object_of(address, "residuals"), b"damaged")
+        with pytest.raises(InstallationError, match=r"residuals.parquet is damaged"):
+            fetch_results(address, tmp_path / "fetched")
+    left = {path.name for path in (tmp_path / "fetched").iterdir()}
+    assert left == {".store", "images.parquet", "object_points.parquet"}
+    run(tmp_path / "one", address, project, 3.0)
+    fetch_results(address, tmp_path / "fetched")
+    assert value_of(tmp_path / "fetched") == 3.0
+    assert not (tmp_path / "fetched" / ".store" / "fetching.json").exists()
+
+
 def test_results_of_another_kind_of_run_stay(
     address: ObjectAddress, project: Project, tmp_path: Path
 ) -> None:
