@@ -162,8 +162,8 @@ def local_time(time: datetime, form: str) -> str:
 
 
 def in_words(seconds: float) -> str:
-    """A span of time in one unit."""
+    """A span of time in one unit, which no line separates from its number."""
     for size, unit, most in ((1, "s", 99.5), (60, "min", 99 * 60), (3600, "h", 36 * 3600)):
         if seconds < most:
-            return f"{max(seconds, 0.0) / size:.0f} {unit}"
-    return f"{seconds / 86400:.0f} d"
+            return f"{max(seconds, 0.0) / size:.0f}\u00a0{unit}"
+    return f"{seconds / 86400:.0f}\u00a0d"

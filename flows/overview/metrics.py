@@ -60,6 +60,7 @@ class ProductionFigures(Collector):
             )
             folders.add_metric(["incomplete"], len(inbox.waiting))
             folders.add_metric(["refused"], len(inbox.refused))
+            folders.add_metric(["on_schedule"], len(inbox.on_schedule))
             yield folders
 
     def _of_runs(self) -> Iterator[Metric]:

@@ -37,30 +37,45 @@ def queue_part(view: ServerView, inbox: Scheduled | None, now: datetime, dashboa
     if more:
         parts.append(html.P(f"And {more:,} more."))
     if view.next is not None:
-        due, ahead = local_time(view.next.due, "%a %d %b %H:%M"), (view.next.due - now).total_seconds()
-        when = f" at {due} (in {in_words(ahead)})."
+        when = f" {_ahead(view.next.due, now)}."
         parts.append(html.P(["Next by schedule: ", run_link(dashboard, view.next.run, view.next.name), when]))
     if not view.reachable:
         parts.append(html.P("The server does not answer; this is based on the records."))
-    parts += _inbox_parts(inbox)
+    if inbox is not None:
+        parts += _inbox_parts(inbox, view.search, now)
     return parts
 
 
-def _inbox_parts(inbox: Scheduled | None) -> list[Part]:
-    if inbox is None:
-        return []
+def _ahead(due: datetime, now: datetime) -> str:
+    return f"at {local_time(due, '%a %d %b %H:%M')} (in {in_words((due - now).total_seconds())})"
+
+
+def _inbox_parts(inbox: Scheduled, search: datetime | None, now: datetime) -> list[Part]:
     parts: list[Part] = []
+    if inbox.on_schedule:
+        told = f"Complete deliveries that wait for the schedule: {_names(inbox.on_schedule)}. "
+        parts.append(html.P(told + _turn(search, now)))
     if inbox.refused:
         parts += [
             html.H3(f"Deliveries that cannot be started: {len(inbox.refused)}"),
             html.Ul([html.Li(sentence) for sentence in inbox.refused[:_SHOWN]]),
         ]
     if inbox.waiting:
-        names = ", ".join(inbox.waiting[:_SHOWN])
-        parts.append(
-            html.P(f"Deliveries that are not complete yet (no file DELIVERED, or still changing): {names}.")
-        )
+        told = "Deliveries that are not complete yet (no file DELIVERED, or still changing): "
+        parts.append(html.P(f"{told}{_names(inbox.waiting)}."))
     return parts
+
+
+def _names(folders: Sequence[str]) -> str:
+    more = len(folders) - _SHOWN
+    return ", ".join(folders[:_SHOWN]) + (f" and {more:,} more" if more > 0 else "")
+
+
+def _turn(search: datetime | None, now: datetime) -> str:
+    """When the deliveries start that the next search of the inbox will find."""
+    if search is None:
+        return "No time is known: see the schedule of inbox/nightly in Prefect."
+    return f"They start {_ahead(search, now)}." if search > now else "It is their turn now."
 
 
 def _queued(run: QueuedRun, now: datetime, dashboard: str) -> Sequence[Part]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from flows.server.api import Api
 from flows.server.door import Door
-from flows.server.inbox import Scheduled
+from flows.server.inbox import SEARCH, Scheduled
 from flows.server.roots import Roots
 from tasks.errors import AerocalError
 from tasks.files.installation import InstallationError
@@ -76,12 +76,14 @@ class ServerView:
     queue : active and due runs, in their order.
     next : the next scheduled run; None: there is none.
     more : active and due runs beyond those of the queue.
+    search : time from which the next search of the inbox may begin, UTC; None: none is known.
     """
 
     reachable: bool
     queue: tuple[QueuedRun, ...]
     next: QueuedRun | None
     more: int = 0
+    search: datetime | None = None
 
 
 def server_view(api: Api, now: datetime) -> ServerView:
@@ -101,7 +103,8 @@ def server_view(api: Api, now: datetime) -> ServerView:
     ahead = [run for run in found if run.begun is None and run.due > now]
     queue = _in_order(run for run in found if run not in ahead)
     first = min(ahead, key=lambda run: run.due, default=None)
-    return ServerView(True, queue, first, max(count - len(queue), 0))
+    search = min((run.due for run in found if run.name == SEARCH and run.begun is None), default=None)
+    return ServerView(True, queue, first, max(count - len(queue), 0), search)
 
 
 def _queued(run: Mapping[str, Any], flows: Mapping[str, str]) -> QueuedRun:

@@ -256,6 +256,8 @@ def _delivered(folder: Path) -> dict[Path, os.stat_result]:
 StoryOfDeliveries: TypeAlias = Literal[
     "aerial-triangulation", "system-calibration", "direct-georeferencing-check"
 ]
+#: Name of the flow that searches the inbox.
+SEARCH = "inbox"
 #: Name of the deployments whose runs are started by hand.
 MANUAL = "manual"
 #: Name of the deployments that runs of deliveries belong to.
@@ -272,12 +274,14 @@ class Scheduled:
     known : folders whose run there was before.
     waiting : folders that are not complete yet.
     refused : sentences on marked folders that cannot be started.
+    on_schedule : complete folders that wait for the scheduled search.
     """
 
     begun: tuple[str, ...]
     known: tuple[str, ...]
     waiting: tuple[str, ...]
     refused: tuple[str, ...]
+    on_schedule: tuple[str, ...] = ()
 
     def sentences(self) -> tuple[str, ...]:
         """Sentences for the log and the page."""
@@ -316,10 +320,13 @@ def schedule_deliveries(
     found = read_inbox(inbox, roots, known, still_s=STILL_S, runs_of=records.of_deliveries, is_over=is_over)
     begun: list[str] = []
     before: list[str] = []
+    later: list[str] = []
     for delivery in found.complete:
         if _has_its_run(found.runs.get(delivery.key)):
             before.append(delivery.folder.name)
-        elif not only_look:
+        elif only_look:
+            later.append(delivery.folder.name)
+        else:
             is_new = _schedule(api, records, delivery, story, found.runs.get(delivery.key))
             (begun if is_new else before).append(delivery.folder.name)
     return Scheduled(
@@ -327,6 +334,7 @@ def schedule_deliveries(
         tuple(before),
         tuple(visible(folder.name) for folder in found.waiting),
         tuple(visible(f"{folder.name} was not started. {why}") for folder, why in found.refused.items()),
+        tuple(later),
     )
 
 

@@ -34,7 +34,7 @@ from flows.runs.recorded_run import (
 )
 from flows.runs.stage import state_name
 from flows.server.api import configured_api
-from flows.server.inbox import StoryOfDeliveries, configured_inbox, schedule_deliveries
+from flows.server.inbox import SEARCH, StoryOfDeliveries, configured_inbox, schedule_deliveries
 from flows.server.roots import (
     OUTPUT_PATTERN,
     configured_results,
@@ -191,7 +191,7 @@ def image_quality(project: ProjectParameter, output: OutputParameter = "image-qu
     return _confined("image_quality", project, AS_IN_PROJECT, output, ExaminationRequest)
 
 
-@_deployed("inbox", "deliveries · inbox", hours=1)
+@_deployed(SEARCH, "deliveries · inbox", hours=1)
 def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
     """Start a run for every complete new delivery of the inbox.
 
@@ -207,7 +207,7 @@ def inbox(story: StoryOfDeliveries = "aerial-triangulation") -> State[None]:
             )
         return schedule_deliveries(configured_api(), records, folder, roots, story).sentences()
 
-    return _search("inbox", search)
+    return _search(SEARCH, search)
 
 
 @_deployed("recalibration-due", "registry · recalibration-due", hours=1)

@@ -259,7 +259,7 @@ def test_cards_count_every_state_once(sources: Sources, browse: Browse, records:
         ["2", "wrong input"],
         ["3", "failed"],
         ["1", "running"],
-        ["3", "waiting, the longest for 2 d"],
+        ["3", "waiting, the longest for 2\xa0d"],
     ]
 
 
@@ -307,7 +307,7 @@ def test_times_are_those_of_one_zone_which_is_named(
     assert f'"x": ["{here:%Y-%m-%dT%H:%M:%S}"]' in drawn
     due = QueuedRun("1", "inbox", "Scheduled", datetime(2026, 7, 1, 7, 30, tzinfo=UTC), None)
     queue = str(queue_part(ServerView(True, (), due), None, datetime(2026, 7, 1, tzinfo=UTC), ""))
-    assert "Wed 01 Jul 01:30 MDT (in 8 h)" in queue
+    assert "Wed 01 Jul 01:30 MDT (in 8\\xa0h)" in queue
 
 
 def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> None:
@@ -319,6 +319,21 @@ def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> 
     )
     assert "block-8 was not started. It has no project.toml." in told
     assert "not complete yet (no file DELIVERED, or still changing): block-9" in told
+
+
+def test_complete_deliveries_that_wait_for_the_schedule_are_told_with_their_time() -> None:
+    names = ", ".join(f"block-{number}" for number in range(25))
+    news = Scheduled((), (), (), (), on_schedule=(*names.split(", "), "block-25", "block-26"))
+    now = datetime(2026, 7, 1, tzinfo=UTC)
+    queue = {
+        search: str(queue_part(ServerView(True, (), None, search=search), news, now, ""))
+        for search in (None, now - timedelta(hours=1), now + timedelta(hours=8))
+    }
+    told = f"wait for the schedule: {names} and 2 more. "
+    assert f"{told}They start at " in queue[now + timedelta(hours=8)]
+    assert "(in 8\\xa0h)." in queue[now + timedelta(hours=8)]
+    assert f"{told}It is their turn now." in queue[now - timedelta(hours=1)]
+    assert f"{told}No time is known: see the schedule of inbox/nightly in Prefect." in queue[None]
 
 
 def test_the_queue_of_the_records_is_in_the_order_of_turns(sources: Sources, records: Records) -> None:

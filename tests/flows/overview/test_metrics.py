@@ -53,12 +53,13 @@ def test_server_queue_inbox_and_version_are_there(sources: Sources, browse: Brow
     from dataclasses import replace
     from importlib.metadata import version
 
-    news = Scheduled((), (), ("block-9", "block-10"), ("block-11 is not valid.",))
+    news = Scheduled((), (), ("block-9", "block-10"), ("block-11 is not valid.",), ("block-7",))
     found = figures(browse(replace(sources, inbox=lambda: news)))
     assert found[("aerocal_info", (("version", version("aerocal")),))] == 1.0
     assert found[("aerocal_server_up", ())] in (0.0, 1.0)
     assert found[("aerocal_inbox_folders", (("state", "incomplete"),))] == 2.0
     assert found[("aerocal_inbox_folders", (("state", "refused"),))] == 1.0
+    assert found[("aerocal_inbox_folders", (("state", "on_schedule"),))] == 1.0
     assert ("aerocal_notices_waiting", ()) in found
     assert found[("aerocal_queue_oldest_seconds", ())] >= 0.0
 

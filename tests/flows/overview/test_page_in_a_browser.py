@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, tzinfo
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -90,6 +90,43 @@ def test_all_links_of_a_row_can_be_seen(sources: Sources, records: Records, brow
             assert link is not None
             # Links end with a gap, and cells with another one.
             assert link["x"] + link["width"] <= around["x"] + around["width"] - 18.0
+    page.close()
+
+
+#: How many lines the text of an element takes.
+_LINES = """element => {
+    const range = document.createRange();
+    range.selectNodeContents(element);
+    return new Set([...range.getClientRects()].map(one => one.top)).size;
+}"""
+
+
+class _Later(datetime):
+    @classmethod
+    def now(cls, tz: tzinfo | None = None) -> _Later:
+        return super().now(tz) + timedelta(minutes=23)
+
+
+@pytest.mark.parametrize("width", [1280, 500])
+def test_the_age_of_a_failure_is_in_one_line(
+    sources: Sources, records: Records, browser: Browser, monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
+    monkeypatch.setattr("flows.overview.application.datetime", _Later)
+    ended(records, run("block-7"), "InputError", message="The image 0412 exists twice in the file. " * 3)
+    page, port = (
+        browser.new_page(
+            extra_http_headers={"Authorization": basic(DOOR.password)},
+            viewport={"width": width, "height": 800},
+        ),
+        free_port("127.0.0.1"),
+    )
+    with page_server(sources, "127.0.0.1", port):
+        page.goto(f"http://127.0.0.1:{port}/")
+        cells = page.locator("#failures tbody td")
+        expect(cells.nth(4)).to_contain_text("exists twice", timeout=60_000)
+        assert cells.nth(3).inner_text().split() == ["23", "min"]
+        assert cells.nth(3).evaluate(_LINES) == 1
+        assert cells.nth(4).evaluate(_LINES) > 1
     page.close()
 
 

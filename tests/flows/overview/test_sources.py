@@ -20,7 +20,7 @@ DUE = 531
 
 
 class Handler(BaseHTTPRequestHandler):
-    """A server with runs that were due one a minute; it hands out as many as it is asked for."""
+    """A server with runs due one a minute, and two searches of the inbox; it hands out as many as wanted."""
 
     def do_GET(self) -> None:
         self._answer(True)
@@ -35,6 +35,10 @@ class Handler(BaseHTTPRequestHandler):
             }
             for number in range(min(asked.get("limit", 0), DUE))
         ]  # fmt: skip
+        nightly = {"flow_id": "2", "parameters": {"story": "aerial-triangulation"}}
+        for place, hours in ((-2, 9), (-1, 33)) if runs else ():
+            due = (NOW + timedelta(hours=hours)).isoformat()
+            runs[place] = {**runs[place], **nightly, "expected_start_time": due}
         if self.path == "/api/flows/filter":
             self._answer([{"id": "1", "name": "system-calibration"}, {"id": "2", "name": "inbox"}])
         elif self.path == "/api/flow_runs/filter":
@@ -72,6 +76,10 @@ def test_waiting_runs_are_called_by_project_and_story_as_those_that_have_begun(a
     assert [run.name for run in server_view(api, NOW).queue[:2]] == [
         "block.0 · system-calibration", "block.1 · system-calibration"
     ]  # fmt: skip
+
+
+def test_the_next_search_of_the_inbox_is_known(api: Api) -> None:
+    assert server_view(api, NOW).search == NOW + timedelta(hours=9)
 
 
 def test_a_server_that_hangs_is_asked_for_a_sign_of_life_only() -> None:

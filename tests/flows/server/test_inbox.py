@@ -181,7 +181,8 @@ def test_a_look_that_starts_nothing_tells_what_is_held_back(inbox: Path, tmp_pat
         told = schedule_deliveries(
             nobody, records, inbox, roots_of([inbox]), "aerial-triangulation", only_look=True
         )
-    assert told == Scheduled((), (), ("block-2",), ("empty was not started. It has no project.toml.",))
+    refused = ("empty was not started. It has no project.toml.",)
+    assert told == Scheduled((), (), ("block-2",), refused, on_schedule=("block-1",))
     assert records.runs() == ()
 
 
