@@ -9,7 +9,7 @@ from tasks.results.figures import CorrelationTimeFigure, VarianceFigures
 
 
 def variance_sentences(figures: VarianceFigures | None) -> Iterator[str]:
-    """Stated σ outside the limits of the estimated ones, and parts that kept what was stated."""
+    """Stated σ outside the limits of the estimated ones."""
     if figures is None:
         return
     for item in figures.components:
@@ -22,15 +22,27 @@ def variance_sentences(figures: VarianceFigures | None) -> Iterator[str]:
                 f"{item.factor:.2f} ({lower:.2f} to {upper:.2f}) times as large{median}; the adjustment uses "
                 "these."
             )
-    kept = [part_words(item.part) for item in figures.components if not item.estimated]
-    if kept:
-        yield f"There is too little redundancy to estimate the σ of {', '.join(kept)}; they remain as stated."
+
+
+def unestimated_sentences(
+    figures: VarianceFigures | None, times: tuple[CorrelationTimeFigure, ...] | None
+) -> Iterator[str]:
+    """Parts of the observations that kept the stated σ or correlation time, as redundancy is too small."""
+    kept = () if figures is None else (item for item in figures.components if not item.estimated)
+    if parts := ", ".join(part_words(item.part) for item in kept):
+        yield f"There is too little redundancy to estimate the σ of {parts}; they remain as stated."
+    for item in times or ():
+        if item.tested and item.verdict == "stated":
+            yield (
+                "There is too little redundancy to estimate the correlation time of the errors of "
+                f"{item.group.replace('_', ' ')}; it stays at {item.correlation_s:.3g} s."
+            )
 
 
 def correlation_time_sentences(figures: tuple[CorrelationTimeFigure, ...] | None) -> Iterator[str]:
-    """Correlation times that were to be estimated: different from the stated ones, none, or unknown."""
+    """Correlation times that were estimated: different from the stated ones, none, or unknown."""
     for item in figures or ():
-        if item.tested and (sentence := _about_correlation(item)) is not None:
+        if item.tested and item.verdict != "stated" and (sentence := _about_correlation(item)) is not None:
             yield sentence
 
 
@@ -38,10 +50,6 @@ def _about_correlation(item: CorrelationTimeFigure) -> str | None:
     """One sentence about a correlation time; None where it is as stated."""
     whose = f"the errors of {item.group.replace('_', ' ')}"
     used = f"{item.correlation_s:.3g} s"
-    if item.verdict == "stated":
-        return (
-            f"There is too little redundancy to estimate the correlation time of {whose}; it stays at {used}."
-        )
     if item.verdict == "undetermined":
         return f"The residuals do not show whether {whose} are correlated over time."
     if item.verdict == "none":

@@ -153,10 +153,15 @@ class Summary(BaseModel, frozen=True, extra="allow"):
 
 
 def summary_of(notes: Sequence[Notes], gates: Gates, timings_s: Mapping[str, float]) -> Summary:
-    """Put the notes of all stages together (a later stage's figure counts) and test the gates."""
+    """Put the notes of all stages together (a later stage's figure counts) and test the gates.
+
+    Problems are in the order of the stages, after the reasons against the result as a whole: what judges it
+    runs last, and states what follows from the findings of the stages before.
+    """
     figures = merged_figures(notes)
     results, untested = tested_gates(gates, figures)
-    problems = [*untested, *(sentence for note in notes for sentence in note.problems)]
+    reasons = (sentence for note in notes for sentence in note.reasons)
+    problems = (*reasons, *untested, *(sentence for note in notes for sentence in note.problems))
     content: dict[str, object] = {
         **figures,
         "status": "done" if all(result.passed for result in results) else "gate_failed",

@@ -117,13 +117,13 @@ def describe_calibration(
         stem = file_stem(names[0], alone=len(calibrated) == 1)
         (folder / f"{stem}.json").write_text(record.text, encoding="utf-8")
     verdict = found.of_flight
-    problems = (
+    reasons = (
         *(f"{REFUSED}{reason}" for reason in verdict.reasons),
         *(f"{RESTRICTED}{restriction}" for restriction in verdict.restrictions),
     )
     said = (*verdict.remarks, *remarks)
     figures = _figures(found, releases, steps, said)
-    write_notes(folder, Notes((*problems, *said), {CALIBRATION: figures.to_json()}))
+    write_notes(folder, Notes((*reasons, *said), {CALIBRATION: figures.to_json()}, reasons=reasons))
 
 
 def file_stem(camera: str, *, alone: bool) -> str:

@@ -23,7 +23,11 @@ from tasks.remarks.adjustment import (
 )
 from tasks.remarks.independent_checks import check_point_sentences, distance_sentences
 from tasks.remarks.model_findings import model_findings
-from tasks.remarks.observation_sigmas import correlation_time_sentences, variance_sentences
+from tasks.remarks.observation_sigmas import (
+    correlation_time_sentences,
+    unestimated_sentences,
+    variance_sentences,
+)
 from tasks.remarks.residual_grid import residual_grid_sentences, stopped_because
 from tasks.remarks.weak_parameters import weak_parameter_sentences
 from tasks.results.figures import AdjustmentFigures, ModelFinding, figures_of
@@ -85,3 +89,4 @@ def _of_adjustment(figures: AdjustmentFigures, summary: Summary) -> Iterator[str
     yield from rejection_sentences(figures)
     yield from shared_moment_sentences(figures.shared_moments)
     yield from self_calibration_sentences(figures)
+    yield from unestimated_sentences(figures.variance_components, figures.correlation_times)

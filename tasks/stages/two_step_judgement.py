@@ -60,12 +60,11 @@ def judge_two_steps(folder: Path, *, two_step: Artifact, limits: AcceptanceLimit
         restrictions=tuple(restrictions),
         parameters=tuple(parameters),
     )
-    problems = (
+    against = (
         *(f"{REFUSED}{reason}" for reason in reasons),
         *(f"{RESTRICTED}{sentence}" for sentence in restrictions),
-        ONLY,
     )
-    write_notes(folder, Notes(problems, {TWO_STEP_ONLY: figures.to_json()}))
+    write_notes(folder, Notes((*against, ONLY), {TWO_STEP_ONLY: figures.to_json()}, reasons=against))
 
 
 def _parameters(camera: TwoStepFigure, limits: AcceptanceLimits) -> Iterator[TwoStepParameterFigure]:

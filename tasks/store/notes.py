@@ -23,11 +23,13 @@ class Notes:
     figures : counts and numbers, merged into summary.json by publish; a figure that could not be
         computed is null (NaN is written as null).
     suspicions : those of the problems that say the delivery itself is wrong.
+    reasons : those of the problems that refuse or restrict the result of the run as a whole.
     """
 
     problems: tuple[str, ...] = ()
     figures: Mapping[str, JSON] = field(default_factory=dict)
     suspicions: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
 
 
 def write_notes(folder: Path, notes: Notes) -> None:
@@ -38,6 +40,7 @@ def write_notes(folder: Path, notes: Notes) -> None:
             "problems": list(notes.problems),
             "figures": finite(notes.figures),
             "suspicions": list(notes.suspicions),
+            "reasons": list(notes.reasons),
         },
     )
 
@@ -45,5 +48,8 @@ def write_notes(folder: Path, notes: Notes) -> None:
 def read_notes(artifact: Artifact) -> Notes:
     """Read the notes a stage has written, after their digest was checked."""
     content = cast(Mapping[str, JSON], read_json(verified(artifact)))
-    problems, suspicions = (cast(list[str], content[name]) for name in ("problems", "suspicions"))
-    return Notes(tuple(problems), cast(Mapping[str, JSON], content["figures"]), tuple(suspicions))
+    figures = cast(Mapping[str, JSON], content["figures"])
+    problems, suspicions, reasons = (
+        tuple(cast(list[str], content[name])) for name in ("problems", "suspicions", "reasons")
+    )
+    return Notes(problems, figures, suspicions, reasons)

@@ -182,6 +182,8 @@ def test_what_a_single_direction_at_one_height_does_not_determine_is_held(tmp_pa
     found = figures(outcome)
     assert found["verdict"] == "refused"
     assert outcome.summary.status == "gate_failed"
+    reasons = tuple(f"The calibration is refused: {reason}" for reason in found["reasons"])
+    assert outcome.summary.problems[: len(reasons)] == reasons
     by_name = {item["parameter"]: item for item in found["parameters"]}
     assert by_name["focal_length"]["verdict"] == "not_determinable"
     assert "height" in by_name["focal_length"]["because"]
@@ -204,7 +206,14 @@ def test_without_enough_control_there_is_no_second_step_and_that_is_said(tmp_pat
     outcome = calibrated(project, story=calibration_alone)
     assert outcome.error is None, outcome.error
     assert figures(outcome)["two_step"] is None
-    assert any("no two-step calibration" in text for text in outcome.summary.problems)
+    problems = outcome.summary.problems
+    assert any("no two-step calibration" in text for text in problems)
+    # Nobody can act upon it.
+    places = [
+        next(k for k, text in enumerate(problems) if words in text)
+        for words in (" uncontrolled ", "too little")
+    ]
+    assert places[0] < places[1]
 
 
 @pytest.mark.slow

@@ -188,7 +188,7 @@ def test_in_one_direction_lever_arm_and_shift_are_not_told_apart(tmp_path: Path)
 def test_a_boresight_beyond_its_limit_is_refused(calibrated_project: Path) -> None:
     outcome = run(calibrated_project, "calibration.limits.roll_pitch_deg=0.00005")
     assert outcome.summary.status == "gate_failed"
-    assert any("boresight_roll of CAM is weak" in text for text in outcome.summary.problems)
+    assert "The calibration is refused: boresight_roll of CAM is weak" in outcome.summary.problems[0]
 
 
 def test_a_gate_of_the_adjustment_is_left_to_one(calibrated_project: Path) -> None:

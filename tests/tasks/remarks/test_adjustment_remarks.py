@@ -16,7 +16,11 @@ from tasks.remarks.adjustment import (
     trust_map_sentences,
 )
 from tasks.remarks.independent_checks import check_point_sentences, distance_sentences
-from tasks.remarks.observation_sigmas import correlation_time_sentences, variance_sentences
+from tasks.remarks.observation_sigmas import (
+    correlation_time_sentences,
+    unestimated_sentences,
+    variance_sentences,
+)
 from tasks.remarks.residual_grid import residual_grid_sentences
 from tasks.results.figures import (
     AdjustmentFigures,
@@ -68,6 +72,7 @@ def test_a_sound_adjustment_gives_no_sentence() -> None:
     assert not [*global_test_sentences(figures, 1.0, 25.0), *group_sentences(figures)]
     assert not [*rejection_sentences(figures), *self_calibration_sentences(figures)]
     assert not [*variance_sentences(None), *correlation_time_sentences(None)]
+    assert not [*unestimated_sentences(None, None)]
     assert not [*free_network_sentences(None), *shared_moment_sentences(None)]
 
 
@@ -261,7 +266,8 @@ def test_stated_standard_deviations_that_do_not_agree_are_named() -> None:
         component("distances", factor=0.5, factor_lower=0.4, factor_upper=0.8),
     )
     figures = VarianceFigures(rounds=3, confidence=0.95, components=parts)
-    height, attitudes, distances, kept = variance_sentences(figures)
+    height, attitudes, distances = variance_sentences(figures)
+    (kept,) = unestimated_sentences(figures, None)
     assert height.startswith("The stated σ of GNSS positions in height do not agree with the residuals")
     assert "2.00 (1.50 to inf) times as large" in attitudes
     assert "0.50 (0.40 to 0.80) times as large" in distances
@@ -291,10 +297,11 @@ def test_every_verdict_on_a_correlation_time_has_its_sentence(
         verdict=verdict,
         tested=True,
     )
-    found = [*correlation_time_sentences((figure,))]
+    found = [*correlation_time_sentences((figure,)), *unestimated_sentences(None, (figure,))]
     assert len(found) == (said is not None)
     assert said is None or said in found[0]
-    assert not [*correlation_time_sentences((figure.model_copy(update={"tested": False}),))]
+    untested = (figure.model_copy(update={"tested": False}),)
+    assert not [*correlation_time_sentences(untested), *unestimated_sentences(None, untested)]
 
 
 def test_systematic_means_and_correlated_neighbours_are_named_by_camera() -> None:

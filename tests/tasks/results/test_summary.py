@@ -82,6 +82,17 @@ def test_figures_of_all_stages_are_put_together(tmp_path: Path) -> None:
     assert content["contract_version"] == 1
 
 
+def test_why_the_result_as_a_whole_is_refused_comes_first() -> None:
+    verdict = Notes(("refused: one height", "a remark"), reasons=("refused: one height",))
+    summary = summary_of([INGEST, ADJUSTMENT, verdict], Gates(), {})
+    assert summary.problems == (
+        "refused: one height",
+        "two points were dropped",
+        "the block is weak",
+        "a remark",
+    )
+
+
 def test_what_does_not_exist_is_null_and_never_nan(tmp_path: Path) -> None:
     content = written(tmp_path, Gates())
     assert content["sigma0_um"] is None

@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 from tasks.files.installation import InstallationError
-from tasks.files.json_text import finite, json_text
+from tasks.files.json_text import JSON, finite, json_text
 from tasks.store.artifact import artifact_of
 from tasks.store.notes import Notes, read_notes, write_notes
 
 
 def test_notes_come_back_as_they_were_written(tmp_path: Path) -> None:
-    notes = Notes(("a problem",), {"sigma0": 1.05, "counts": {"images": 20}, "none": None})
+    figures: dict[str, JSON] = {"sigma0": 1.05, "counts": {"images": 20}, "none": None}
+    notes = Notes(("a problem", "another"), figures, suspicions=("another",), reasons=("a problem",))
     write_notes(tmp_path, notes)
     assert read_notes(artifact_of(tmp_path / "notes.json")) == notes
 
