@@ -8,6 +8,7 @@ scene lies at z = −c. The mounting enters only the rotation camera → body.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -66,7 +67,7 @@ class FrameCamera:
         xy = np.asarray(xy, dtype=np.float64)
         return np.stack([xy[..., 0] / self.pixel_size + column, row - xy[..., 1] / self.pixel_size], -1)
 
-    @property
+    @cached_property
     def body_from_camera(self) -> Floats:
         """Nominal mounting T (3, 3), body (forward, right, down) from camera."""
         return nominal_mounting(self.mount_deg)

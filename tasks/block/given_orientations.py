@@ -83,7 +83,7 @@ class Mountings:
         """Names of the cameras."""
         return tuple(camera.name for camera in self.cameras)
 
-    @property
+    @cached_property
     def body_from_camera(self) -> Floats:
         """Nominal mountings T, (c, 3, 3)."""
         return np.stack([camera.body_from_camera for camera in self.cameras])
