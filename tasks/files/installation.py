@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import time
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +19,10 @@ from tasks.errors import AerocalError
 from tasks.plain_text import visible
 
 _SHOWN = 500
+#: Names of unfinished files: of which machine, which process, and which file.
+_PART = re.compile(r"(\.aerocal\.[A-Za-z0-9-]{1,64}\.)(\d{1,9})\.[0-9a-f]{8}\.part(\.\w+)*")
+#: Who writes a file writes something into it at least this often, s: no file takes a day as a whole.
+_STILL_S = 86_400.0
 _FULL = {errno.ENOSPC, errno.EDQUOT}
 _REFUSED = {
     errno.EACCES,
@@ -113,19 +118,34 @@ def part_of(path: Path) -> Path:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove what processes of this machine that no longer exist have not finished writing into a folder.
+    """Remove unfinished files from a folder which nobody will finish.
+
+    Those of processes of this machine that no longer exist, and those that nobody has written into for a day:
+    other machines (containers, which have another name at each start) do not tell which processes they have.
+    A process that has been stopped for so long fails when it gives its file a name, and loses nothing else.
 
     Raises
     ------
     InstallationError
         As of `writing_into`.
     """
-    ours = re.compile(re.escape(_parts_of_machine()) + r"(\d{1,9})\.[0-9a-f]{8}\.part(\.\w+)*")
     with writing_into(folder):
         for path in folder.iterdir() if folder.is_dir() else ():
-            found = ours.fullmatch(path.name)
-            if found is not None and not _exists(int(found[1])):
+            found = _PART.fullmatch(path.name)
+            if found is not None and (_has_ended(found[1], int(found[2])) or _is_still(path)):
                 path.unlink(missing_ok=True)
+
+
+def _has_ended(machine: str, process: int) -> bool:
+    return machine == _parts_of_machine() and not _exists(process)
+
+
+def _is_still(path: Path) -> bool:
+    try:
+        return time.time() - path.stat().st_mtime > _STILL_S
+    except FileNotFoundError:
+        # It has been given its name.
+        return False
 
 
 def _parts_of_machine() -> str:

@@ -20,6 +20,7 @@ from tasks.results.publish import remove_outdated
 from tasks.results.summary import SUMMARY, Summary, read_summary, write_summary
 from tasks.store.artifact import digest_of_file
 from tasks.store.run_lock import run_lock
+from tasks.store.store import Store, remove_whole
 
 #: What an unfinished fetch may have left: digests of files that no manifest there names yet.
 _UNFINISHED = Path(".store", "fetching.json")
@@ -77,6 +78,8 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
         there = _digests_there(directory, entries)
         own = _digests_of_own(directory, last) | {entry.sha256 for entry in entries}
         _require_own(directory, last, there, own)
+        for leftover in Store.of(directory).leftovers():
+            remove_whole(leftover)
         replace_json(directory / _UNFINISHED, sorted(own))
         missing = [entry for entry in entries if there.get(entry.file) != entry.sha256]
         for entry in missing:

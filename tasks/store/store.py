@@ -93,7 +93,7 @@ class Store:
             clear_records(self.folder)
 
     def leftovers(self) -> tuple[Path, ...]:
-        """Files that killed runs have left behind; only valid while the run lock is held."""
+        """Files that killed runs and fetches have left behind; only valid while the run lock is held."""
         patterns = (f"*/{_UNFINISHED}*", f"*/{_DISCARDED}*")
         folders = [folder for pattern in patterns for folder in self.folder.glob(pattern)]
         # The last are published files that did not get their names any more.

@@ -71,7 +71,10 @@ def test_fetched_results_are_those_of_the_run_with_its_manifest(
     assert set(fetched.brought) == set(fetched.files) == {f"{name}.parquet" for name in TABLES}
     for name in (*fetched.files, "summary.json", "manifest.json"):
         assert (tmp_path / "fetched" / name).read_bytes() == (tmp_path / "one" / name).read_bytes(), name
+    killed = tmp_path / "fetched" / ".images.parquet.4711.tmp"
+    killed.write_text("half")
     assert fetch_results(address, tmp_path / "fetched").brought == ()
+    assert not killed.exists()
     run(tmp_path / "one", address, project, 2.0, names=("images",))
     fetch_results(address, tmp_path / "fetched")
     assert {path.name for path in (tmp_path / "fetched").glob("*.parquet")} == {"images.parquet"}

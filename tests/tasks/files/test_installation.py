@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,17 @@ def test_what_a_process_that_has_ended_left_is_removed_and_nothing_else(tmp_path
     remove_abandoned(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(kept)
     remove_abandoned(tmp_path / "nowhere")
+
+
+def test_parts_are_removed_on_any_machine_when_nobody_has_written_into_them_for_a_day(tmp_path: Path) -> None:
+    of_living, of_others = part_of(tmp_path / "a.csv"), ".aerocal.4f0c1d2e3a5b.7.01234567.part"
+    names = (of_living.name, of_others, f"{of_others}.cog", "a.part", ".a.7.part")
+    for hours, left in ((23, set(names)), (25, set(names[3:]))):
+        for name in names:
+            (tmp_path / name).touch()
+            os.utime(tmp_path / name, (time.time() - 3600 * hours,) * 2)
+        remove_abandoned(tmp_path)
+        assert {path.name for path in tmp_path.iterdir()} == left
 
 
 def test_two_files_are_written_at_once_under_two_names(tmp_path: Path) -> None:
