@@ -69,6 +69,15 @@ def test_the_best_subdivision_is_neither_the_coarsest_nor_the_finest(twin: tuple
     assert z["grid 9 x 9 iterated"] < z[["grid 9 x 9", "grid", "grid 50 x 50"]].min()
 
 
+@pytest.mark.parametrize("flight", ["high", "low"])
+def test_collocation_improves_heights_more_than_every_grid_of_means(
+    twin: tuple[str, Tables], flight: str
+) -> None:
+    z = twin[1][flight]["rmse_check_z_m"]
+    grids = [name for name in z.index if "grid" in name and name != "selfcal and grid"]
+    assert z["selfcal"] < z["collocation"] < z[grids].min()
+
+
 def test_cells_are_significant_before_a_correction_and_by_chance_after_it(twin: tuple[str, Tables]) -> None:
     table = twin[1]["high"]
     share = table["cells_significant"] / table["cells_by_chance"]
