@@ -154,7 +154,7 @@ def predicted_without(residual: Floats, hat: Floats, used: Bools, errors: Floats
     errors : (m, 3, k) of the residuals by errors of considered parameters and corrections; None without any.
     """
     m = len(used)
-    moved = np.zeros((3 * m, 0)) if errors is None else errors.reshape(3 * m, -1).copy()
+    moved = np.zeros((3 * m, 0)) if errors is None else errors.reshape(3 * m, errors.shape[2]).copy()
     rows = np.repeat(used, 3)
     values, vectors = np.linalg.eigh(np.eye(int(rows.sum())) - hat[np.ix_(rows, rows)])
     lost = values < _UNDETERMINED
@@ -174,7 +174,7 @@ def predicted_without(residual: Floats, hat: Floats, used: Bools, errors: Floats
     return Prediction(
         np.where(undetermined[:, None], np.nan, difference.reshape(m, 3)),
         np.where(undetermined[:, None, None], np.nan, of_points),
-        moved.reshape(m, 3, -1),
+        moved.reshape(m, 3, moved.shape[1]),
     )
 
 

@@ -186,6 +186,22 @@ def test_as_many_folds_as_points_leave_one_out() -> None:
     )
 
 
+def test_a_fold_whose_points_are_not_used_has_no_prediction() -> None:
+    """A point known in height only that no image shows is no unknown; the others are predicted as ever."""
+    scene = two_strips(control=("full", "full", "full", "height"), noise_seed=3)
+    _, control = control_of(scene.observations)
+    rays = scene.observations.image_points
+    unseen = rays.without(rays.point == control.point[3])
+    result = adjust_block(
+        scene.block, replace(scene.observations, image_points=unseen), AdjustmentOptions(control_folds=4)
+    )
+    check = result.left_out_by_fold
+    assert check is not None and result.left_out_singly is not None
+    assert not result.active_point[control.point[3]]
+    assert np.isnan(check.difference[3]).all()
+    np.testing.assert_allclose(check.difference, result.left_out_singly.difference, atol=1e-9)
+
+
 def test_without_the_last_points_that_hold_the_datum_there_is_no_prediction() -> None:
     scene = two_strips(control=("full",) * 3, gnss=False, ins=False, noise_seed=3)
     result = adjust_block(scene.block, scene.observations, AdjustmentOptions(control_folds=2))
