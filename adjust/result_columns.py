@@ -39,8 +39,7 @@ def parameter_rows(result: AdjustmentResult) -> list[ParameterRow]:
 
 def sigma_of_images(result: AdjustmentResult) -> Floats:
     """(n, 6) of every projection centre, local axes, m, and small rotation in the camera frame, rad."""
-    reduced = with_considered(result.cofactor, result.sigma0).reduced
-    return _sigma(result, picture_cofactors(result.state, result.layout, reduced))
+    return _sigma(result, picture_cofactors(result.state, result.layout, result.cofactor, result.sigma0))
 
 
 def sigma_of_points(result: AdjustmentResult) -> Floats:

@@ -3,7 +3,8 @@
     Q_ij = [E_i H_i] Q [E_j H_j]ᵀ
 
 with the derivatives E by the pose of the event and H by what belongs to the head, see
-:mod:`adjust.rig`. What is held of a head has no error.
+:mod:`adjust.rig`. What is held of a head has no error, unless it is considered: the errors of considered
+parameters and of corrections move the event, and those of a head its pictures, too.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import numpy as np
 
 from adjust.arrays import Floats, Ints
 from adjust.parameters import ParameterLayout, State
+from adjust.quality.cofactor import Cofactor
+from adjust.quality.unknown_errors import UnknownErrors
 from adjust.rig import OF_HEADS
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.factorization import ReducedCofactor
@@ -22,18 +25,46 @@ from adjust.solve.factorization import ReducedCofactor
 _PAIRS_AT_ONCE = 50_000
 
 
-def picture_cofactors(state: State, layout: ParameterLayout, reduced: ReducedCofactor) -> Floats:
-    """Cofactors (n, 6, 6) of projection centre, local axes, and small rotation in the camera frame."""
-    if state.rig is None:
-        return reduced.of_exposures
-    every = np.arange(len(state.rig.event_of_image))
-    return cofactors_between_pictures(state, layout, reduced, every, every)
+def picture_cofactors(state: State, layout: ParameterLayout, quality: Cofactor, sigma0: float) -> Floats:
+    """Those (n, 6, 6) of every picture, as of :func:`cofactors_between_pictures`."""
+    every = np.arange(len(state.pictures.projection_centre))
+    return cofactors_between_pictures(state, layout, quality, sigma0, every, every)
 
 
 def cofactors_between_pictures(
+    state: State, layout: ParameterLayout, quality: Cofactor, sigma0: float, one: Ints, other: Ints
+) -> Floats:
+    """Cofactors (k, 6, 6) which, times σ0², are covariances of pictures (k,) with others (k,).
+
+    Of projection centre, local axes, and small rotation in the camera frame, with the errors of considered
+    parameters and of corrections of image coordinates.
+
+    Parameters
+    ----------
+    one, other : pictures whose events are joined in the pattern.
+    """
+    found = _between(state, layout, quality.reduced, one, other)
+    for errors in (quality.considered, quality.corrections):
+        if errors is not None:
+            of_pictures = _errors_of_pictures(state, errors) / sigma0
+            found = found + of_pictures[one] @ np.swapaxes(of_pictures[other], 1, 2)
+    return found
+
+
+def _errors_of_pictures(state: State, errors: UnknownErrors) -> Floats:
+    """Errors (n, 6, k) of projection centre and small rotation."""
+    if state.rig is None:
+        return errors.of_unknowns.of_exposures
+    of_event, of_head = state.pictures.jacobians()
+    heads = np.concatenate([errors.of_families[family] for family in OF_HEADS], axis=1)
+    of_events = errors.of_unknowns.of_exposures[state.rig.event_of_image]
+    return np.asarray(of_event @ of_events + of_head @ heads[state.rig.camera_of_image])
+
+
+def _between(
     state: State, layout: ParameterLayout, reduced: ReducedCofactor, one: Ints, other: Ints
 ) -> Floats:
-    """Cofactors (k, 6, 6) of pictures (k,) with others (k,), whose events are joined in the pattern."""
+    """Cofactors (k, 6, 6) without those errors."""
     if state.rig is None:
         return reduced.between(one, other)
     event, camera = state.rig.event_of_image, state.rig.camera_of_image
@@ -74,6 +105,6 @@ def reduced_to_pictures(
     blocks = np.empty((len(column), 6, 6))
     for first in range(0, len(column), _PAIRS_AT_ONCE):
         part = slice(first, first + _PAIRS_AT_ONCE)
-        blocks[part] = cofactors_between_pictures(state, layout, reduced, row[part], column[part])
+        blocks[part] = _between(state, layout, reduced, row[part], column[part])
     border = of_event @ reduced.border[state.rig.event_of_image] + of_head @ of_heads
     return replace(reduced, pattern=pairs, blocks=blocks, border=np.ascontiguousarray(border))

@@ -28,19 +28,23 @@ def write_neighbouring_images(folder: Path, adjusted: AdjustedBlock, exposures: 
     one, other = (
         places_of(exposures["image"].iloc[rows], adjusted.block.images) for rows in neighbours(exposures)
     )
-    reduced, state, layout = adjusted.cofactor.reduced, adjusted.result.state, adjusted.result.layout
+    result, sigma0 = adjusted.result, adjusted.sigma0
     event = adjusted.block.event_of_image
     known = (one >= 0) & (other >= 0)
     one, other = one[known], other[known]
-    together = reduced.pattern.find(event[one], event[other]) >= 0
+    together = result.cofactor.reduced.pattern.find(event[one], event[other]) >= 0
     one, other = one[together], other[together]
     axes = axes_of_orientations(adjusted)
-    own = axes @ picture_cofactors(state, layout, reduced) @ np.swapaxes(axes, 1, 2)
-    mixed = cofactors_between_pictures(state, layout, reduced, one, other)
+    own = (
+        axes
+        @ picture_cofactors(result.state, result.layout, result.cofactor, sigma0)
+        @ np.swapaxes(axes, 1, 2)
+    )
+    mixed = cofactors_between_pictures(result.state, result.layout, result.cofactor, sigma0, one, other)
     between = axes[one] @ mixed @ np.swapaxes(axes[other], 1, 2)
     first, second, both = (_diagonals(part) for part in (own[one], own[other], between))
     correlation = both / np.sqrt(first * second)
-    sigma = adjusted.sigma0 * np.sqrt(np.maximum(first + second - 2.0 * both, 0.0))
+    sigma = sigma0 * np.sqrt(np.maximum(first + second - 2.0 * both, 0.0))
     names = np.array(adjusted.block.images, dtype=object)
     write_table(
         folder / "neighbouring_images.parquet",

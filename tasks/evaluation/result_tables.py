@@ -82,7 +82,8 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
     """
     x_in_map, angles, grid_from_local = _in_map(adjusted)
     axes = axes_of_orientations(adjusted)
-    cofactor = picture_cofactors(adjusted.result.state, adjusted.result.layout, adjusted.cofactor.reduced)
+    result = adjusted.result
+    cofactor = picture_cofactors(result.state, result.layout, result.cofactor, adjusted.sigma0)
     of_position = _sigmas(grid_from_local, cofactor[:, :3, :3], adjusted.sigma0)
     of_angles = _sigmas(axes[:, 3:, 3:], cofactor[:, 3:, 3:], adjusted.sigma0) * _DEGREE
     write_table(

@@ -21,12 +21,15 @@ from adjust.parameters import (
     FAMILIES,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
+    ConsideredParameters,
+    ParameterPlace,
     State,
     SystemParameters,
 )
 from adjust.quality.cofactor import cofactor
 from adjust.quality.picture_cofactor import cofactors_between_pictures, picture_cofactors
 from adjust.result import AdjustmentResult
+from adjust.result_columns import sigma_of_images
 from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, Rig
 from adjust.solve.design_matrix import design_matrix, full_cofactor
 from adjust.solve.gauss_newton import solution_at
@@ -367,8 +370,8 @@ def test_cofactors_of_pictures_are_those_of_the_full_inverse() -> None:
     )
     system, state = System.of(scene.block, scene.observations), scene.block.approximate_state()
     solution = solution_at(system, state)
-    reduced = cofactor(system, solution).reduced
-    found = picture_cofactors(state, system.layout, reduced)
+    quality = cofactor(system, solution)
+    found = picture_cofactors(state, system.layout, quality, 1.0)
     design = design_matrix(system, state)
     full = full_cofactor(design)
     rig, (of_event, of_head) = scene.block.rig, state.pictures.jacobians()
@@ -389,9 +392,38 @@ def test_cofactors_of_pictures_are_those_of_the_full_inverse() -> None:
     ours = found / (root[:, :, None] * root[:, None, :])
     np.testing.assert_allclose(ours, scaled[every, :, every], atol=1e-9)
     one, other = np.array([0, 1, 4, 7, 3]), np.array([1, 0, 2, 3, 8])
-    between = cofactors_between_pictures(state, system.layout, reduced, one, other)
+    between = cofactors_between_pictures(state, system.layout, quality, 1.0, one, other)
     ours = between / (root[one][:, :, None] * root[other][:, None, :])
     np.testing.assert_allclose(ours, scaled[one, :, other], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("place", "sigma"), [((RELATIVE_POSITION, 1, 1), 0.05), ((RELATIVE_ROTATION, 1, 0), 1e-3)], ids=str
+)
+def test_the_error_of_a_considered_mounting_moves_the_pictures_of_the_head(
+    place: tuple[str, int, int], sigma: float
+) -> None:
+    """Their poses are compared with those of adjustments with other mountings."""
+    family, head, component = place
+    scene = two_strips(heads=2, noise_seed=3)
+    block = scene.block
+    considered = ConsideredParameters((ParameterPlace(*place),), np.array([[sigma**2]]))
+    known, held = (
+        adjust_block(replace(block, considered=one), scene.observations) for one in (considered, None)
+    )
+    poses = []
+    for step in (sigma, -sigma):
+        values = {item.family.name: item.values.copy() for item in block.system}
+        values[family][head, component] += step
+        system = tuple(replace(item, values=values[item.family.name]) for item in block.system)
+        poses.append(adjust_block(replace(block, system=system), scene.observations).state.pictures)
+    one, other = poses
+    turned = rotation.log(np.swapaxes(other.local_from_camera, 1, 2) @ one.local_from_camera)
+    moved = np.hstack([one.projection_centre - other.projection_centre, turned]) / 2.0
+    added = sigma_of_images(known) ** 2 - sigma_of_images(held) ** 2
+    own = block.camera_of_image == head
+    assert (np.abs(moved[own]).max(axis=0) > 0.5 * np.abs(moved[~own]).max(axis=0)).all()
+    np.testing.assert_allclose(added / (moved**2).max(axis=0), moved**2 / (moved**2).max(axis=0), atol=1e-3)
 
 
 @pytest.mark.parametrize(("free", "defect"), [({}, 6), ({RELATIVE_POSITION: True}, 7)])
