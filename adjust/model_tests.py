@@ -83,7 +83,7 @@ def examined_model(
             left = Observations(rays, tuple(_tested(group) for group in others))
             system = System.of(block, left, options.threads, options.free_network)
             solution = iterate(system, result.state, options.most_iterations)
-        tests = alternative_tests(system, solution.state, solution.factorization, alternatives)
+        tests = alternative_tests(system, solution, alternatives)
     restored = tuple(_restored(group, solution.state) for group in others if _is_restored(group))
     return ModelTests(tests, restored)
 

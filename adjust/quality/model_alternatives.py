@@ -27,11 +27,11 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats
 from adjust.observations.base import Linearization, ObservationGroup
-from adjust.parameters import ConsideredParameters, State
+from adjust.parameters import ConsideredParameters
 from adjust.quality.alternative_products import ModelAlternative, products_of
 from adjust.quality.detectability import INDISTINGUISHABLE, NON_CENTRALITY
-from adjust.solve.factorization import Factorization
-from adjust.solve.full_vectors import inverse_products
+from adjust.solve.full_vectors import SparseVectors, inverse_products, solve_full
+from adjust.solve.gauss_newton import Solution
 from adjust.solve.system import System
 
 #: The same in addition to other alternatives: what is left says nothing of its own.
@@ -102,7 +102,8 @@ class AlternativeTests:
     ----------
     score : (k,) s.
     normal : (k, k) M; zero rows and columns of those that cannot be separated from the unknowns.
-    effect : (g, k) what the system parameters that are free change by for b = 1: the columns Q Aᵀ C.
+    effect : (g, k) what the system parameters that are free change by for b = 1: the columns Q Aᵀ C; in the
+        datum of a free network.
     acting : (k,) whether an alternative changes any observation: the boresight does not without attitudes.
     """
 
@@ -209,19 +210,16 @@ class AlternativeTests:
 
 
 def alternative_tests(
-    system: System, state: State, factorization: Factorization, alternatives: Sequence[ModelAlternative]
+    system: System, solution: Solution, alternatives: Sequence[ModelAlternative]
 ) -> AlternativeTests:
-    """Test alternatives against a model that was adjusted.
-
-    Parameters
-    ----------
-    state, factorization : of the adjusted values, and of the normal equations there.
-    """
+    """Test alternatives against a model that was adjusted."""
+    state = solution.linearization
     known = system.block.considered
     considered = () if known is None else considered_alternatives(known)
     count = len(alternatives)
     products = products_of(system, state, (*alternatives, *considered))
-    of_unknowns, effect = inverse_products(system, state, factorization, products.load)
+    of_datum = _moved_by_datum(system, solution, products.load)
+    of_unknowns, effect = inverse_products(system, state, solution.factorization, products.load)
     own, left = products.own, products.own - of_unknowns
     if known is not None:
         left = _eliminated(left, count, known.root)
@@ -231,9 +229,18 @@ def alternative_tests(
     return AlternativeTests(
         score,
         np.where(kept, 0.5 * (normal + normal.T), 0.0),
-        effect[: system.layout.border, :count],
+        (effect - of_datum)[: system.layout.border, :count],
         np.diagonal(own)[:count] > 0.0,
     )
+
+
+def _moved_by_datum(system: System, solution: Solution, load: SparseVectors) -> Floats:
+    """G G_selᵀ N⁻¹ b of the border (g, k): what the inner constraints of a free network take off effects."""
+    movements = solution.movements
+    if movements is None or not np.any(movements.vectors.of_border):
+        return np.zeros_like(load.of_border)
+    z = solve_full(system, solution.linearization, solution.factorization, movements.selected)
+    return np.asarray(movements.vectors.of_border @ load.products_with(z))
 
 
 def considered_alternatives(known: ConsideredParameters) -> tuple[ParameterAlternative, ...]:

@@ -21,6 +21,7 @@ from adjust.observations.base import Linearization, ObservationGroup
 from adjust.one_thread import one_thread
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
 from adjust.result import AdjustmentResult
+from adjust.solve.free_network import OpenMovements
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.system import System
 
@@ -53,11 +54,12 @@ def parameter_influences(result: AdjustmentResult, columns: Ints) -> tuple[Param
     system, solution = result.system, result.solution
     groups = system.observations.others
     with one_thread():
-        equations = [group.linearize(solution.state) for group in groups]
+        equations = [group.linearize(solution.linearization) for group in groups]
         found = [np.zeros((len(columns), *item.misclosure.shape)) for item in equations]
         for start in range(0, len(columns), _AT_ONCE):
             part = columns[start : start + _AT_ONCE]
-            cofactors = solve_full(system, solution.state, solution.factorization, _units(system, part))
+            load = _in_datum(_units(system, part), solution.movements)
+            cofactors = solve_full(system, solution.linearization, solution.factorization, load)
             for number, (group, item) in enumerate(zip(groups, equations, strict=True)):
                 for k in range(len(part)):
                     computed = _along(item, cofactors, k, system.layout)
@@ -72,6 +74,13 @@ def _units(system: System, columns: Ints) -> FullVectors:
     of_border = np.zeros((system.border, count))
     of_border[columns, np.arange(count)] = 1.0
     return FullVectors(np.zeros((layout.events, 6, count)), of_border, np.zeros((layout.points, 3, count)))
+
+
+def _in_datum(units: FullVectors, movements: OpenMovements | None) -> FullVectors:
+    """Sᵀ e with S = I − G G_selᵀ, which leads to the datum of a free network."""
+    if movements is None:
+        return units
+    return units.minus(movements.selected.times(movements.vectors.dot(units)))
 
 
 def _along(equations: Linearization, vectors: FullVectors, number: int, layout: ParameterLayout) -> Floats:

@@ -106,6 +106,18 @@ class SparseVectors:
         order = np.argsort(self.numbers)
         return order[np.searchsorted(self.numbers, numbers, sorter=order)]
 
+    def products_with(self, others: FullVectors) -> Floats:
+        """Scalar products (d, k) of d other vectors with these."""
+        d = others.count
+        products: Floats = (
+            others.of_exposures.reshape(-1, d).T @ self.of_exposures.reshape(-1, self.of_border.shape[1])
+            + others.of_border.T @ self.of_border
+        )
+        products[:, self.numbers] += others.of_points.reshape(-1, d).T @ self.of_points.reshape(
+            -1, len(self.numbers)
+        )
+        return products
+
     def full(self, active: Bools) -> FullVectors:
         """The same vectors with all their zeros; those at object points (m,) that are not used are zero."""
         at_points = np.zeros((*self.of_points.shape[:2], self.of_border.shape[1]))

@@ -42,7 +42,7 @@ def adjusted(scene: Scene) -> Adjusted:
 
 
 def scored(found: Adjusted, alternatives: list[ModelAlternative]) -> AlternativeTests:
-    return alternative_tests(found.system, found.state, found.solution.factorization, alternatives)
+    return alternative_tests(found.system, found.solution, alternatives)
 
 
 def with_given(scene: Scene, family: str, change: Floats) -> Scene:

@@ -14,9 +14,12 @@ from adjust.errors import DatumDefectError, InconsistentBlockError
 from adjust.geometry.earth import CartesianFrame
 from adjust.observations.base import StochasticModel
 from adjust.observations.control_point import ControlPoints
+from adjust.observations.gnss_position import GnssPositions
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, INTERIOR_ORIENTATION, InnerConstraints, State
 from adjust.quality.cofactor import Cofactor, cofactor
+from adjust.quality.model_alternatives import ObservationAlternative, alternative_tests
+from adjust.quality.parameter_influences import parameter_influences
 from adjust.quality.redundancy import group_residuals
 from adjust.quality.s_transformation import with_inner_constraints
 from adjust.result import AdjustmentResult
@@ -123,6 +126,26 @@ class BothWays:
 def both(request: pytest.FixtureRequest) -> BothWays:
     block, chosen = request.param
     return BothWays.of(scene_of(block), chosen)
+
+
+def test_influences_and_effects_on_parameters_are_those_in_its_datum() -> None:
+    """A shift that goes with the block: what a position adds to it when the block is adjusted again."""
+    scene, number = scene_of("positions with a free shift"), 3
+    options = AdjustmentOptions(free_network="object_points")
+    positions = next(group for group in scene.observations.others if isinstance(group, GnssPositions))
+    change = np.zeros(positions.observed.shape)
+    change[number] = 0.03, -0.02, 0.05
+    observed = positions.observed + np.einsum("nij,nj->ni", positions.local_from_enu, change)
+    moved = replace(scene.observations, others=(replace(positions, observed=observed),))
+    before, after = (adjust_block(scene.block, one, options) for one in (scene.observations, moved))
+    expected = after.state.system[GNSS_SHIFT][0] - before.state.system[GNSS_SHIFT][0]
+    (found,) = parameter_influences(before, before.layout.columns[GNSS_SHIFT][0])
+    np.testing.assert_allclose(np.einsum("knm,nm->k", found.derivative, change), expected, atol=3e-5)
+    tests = alternative_tests(
+        before.system, before.solution, [ObservationAlternative("gnss_positions", change)]
+    )
+    np.testing.assert_allclose(tests.effect[:, 0], expected, atol=3e-5)
+    assert np.abs(expected).min() > 5e-3
 
 
 @pytest.mark.parametrize("block", BLOCKS)
