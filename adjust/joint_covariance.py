@@ -98,7 +98,9 @@ def joint_covariance(
         if solution.movements is not None:
             vectors = solution.movements.vectors
             g = _rows(vectors, chosen)
-            z = solve_full(system, solution.state, solution.factorization, solution.movements.selected)
+            z = solve_full(
+                system, solution.linearization, solution.factorization, solution.movements.selected
+            )
             f = z.minus(vectors.times(0.5 * solution.movements.selected.dot(z)))
             change = g @ _rows(f, chosen).T
             matrix = matrix - change - change.T

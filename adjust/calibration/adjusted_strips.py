@@ -127,7 +127,7 @@ def _products(solution: Solution, of_strips: Floats, strip: Ints, s: int) -> Flo
 def _moved_by(system: System, solution: Solution, cameras: CalibrationErrors) -> Floats:
     """G (n, 6, k): what errors of held camera parameters do to the exposures."""
     rays, layout, k = system.observations.image_points, system.layout, len(cameras.covariance)
-    equations = rays.linearize(solution.state)
+    equations = rays.linearize(solution.linearization)
     weight = np.where(rays.active[:, None], rays.inverse_sigma**2, 0.0)
     of = {term.block: term for term in equations.terms}
     column = np.zeros((*equations.misclosure.shape, k))
@@ -144,4 +144,4 @@ def _moved_by(system: System, solution: Solution, cameras: CalibrationErrors) ->
     for name, target in ((EXTERIOR_ORIENTATION, right.of_exposures), (OBJECT_POINT, right.of_points)):
         np.add.at(target, of[name].index, np.swapaxes(of[name].jacobian, 1, 2) @ weighted)
     right.of_points[~system.active_point] = 0.0
-    return solve_full(system, solution.state, solution.factorization, right).of_exposures
+    return solve_full(system, solution.linearization, solution.factorization, right).of_exposures

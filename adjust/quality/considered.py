@@ -74,6 +74,7 @@ def considered_errors(system: System, solution: Solution) -> ConsideredErrors | 
         of_unknowns,
         of_families,
         known,
+        solution.linearization,
         0.5 * (left[:k, :k] + left[:k, :k].T),
         products.own[:k, :k],
         left[:k, k],

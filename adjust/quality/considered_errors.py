@@ -47,11 +47,13 @@ class ConsideredErrors(UnknownErrors):
     Attributes
     ----------
     known : the parameters and their covariance. ``of_unknowns`` is −K R, ``of_computed`` B̃ R.
+    state : that of linearisation: derivatives at another one would not cancel in B̃.
     information, own : (k, k) S̃, and the same with nothing else unknown, A_gᵀ A_g.
     score : (k,) s̃.
     """
 
     known: ConsideredParameters
+    state: State
     information: Floats
     own: Floats
     score: Floats
@@ -84,14 +86,14 @@ class ConsideredErrors(UnknownErrors):
             np.sum((information @ self.remaining_root) * self.remaining_root)
         )
 
-    def of_whitened(self, group: ObservationGroup, state: State) -> Floats:
-        """Errors (n, m, k) of the whitened residuals of a group at a state, without a unit: B̃ R."""
+    def of_whitened(self, group: ObservationGroup) -> Floats:
+        """Errors (n, m, k) of the whitened residuals of a group, without a unit: B̃ R."""
         if not isinstance(group, ImagePoints):
-            return self.of_computed(whiten(group, group.linearize(state)))
+            return self.of_computed(whiten(group, group.linearize(self.state)))
         errors = np.empty((len(group.image), 2, self.of_unknowns.count))
         for first in range(0, len(errors), _AT_ONCE):
             part = group.only(slice(first, first + _AT_ONCE))
-            errors[first : first + _AT_ONCE] = self.of_computed(standardize(part, part.linearize(state)))
+            errors[first : first + _AT_ONCE] = self.of_computed(standardize(part, part.linearize(self.state)))
         return errors
 
     def covariance_of_residuals(self, equations: Linearization) -> Floats:
@@ -99,12 +101,12 @@ class ConsideredErrors(UnknownErrors):
         errors = self.of_computed(equations)
         return errors @ np.swapaxes(errors, 1, 2)
 
-    def covariance_of_rays(self, rays: ImagePoints, state: State) -> Floats:
+    def covariance_of_rays(self, rays: ImagePoints) -> Floats:
         """The same (n, 2, 2) of image points in units of their σ; zero for those that are not used."""
         covariance = np.empty((len(rays.image), 2, 2))
         for first in range(0, len(covariance), _AT_ONCE):
             part = rays.only(slice(first, first + _AT_ONCE))
-            equations = standardize(part, part.linearize(state))
+            equations = standardize(part, part.linearize(self.state))
             covariance[first : first + _AT_ONCE] = self.covariance_of_residuals(equations)
         return covariance
 

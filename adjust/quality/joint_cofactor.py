@@ -143,7 +143,7 @@ def mixed_parts(system: System, solution: Solution, points: Ints) -> MixedParts:
     place = np.full(system.layout.points, -1, dtype=np.int64)
     place[points] = np.arange(len(points))
     part = rays.only(np.flatnonzero((place[rays.point] >= 0) & rays.active))
-    equations = whiten(part, part.linearize(solution.state))
+    equations = whiten(part, part.linearize(solution.linearization))
     of_border = np.zeros((len(part.image), 2, g))
     of_exposure, of_point = np.zeros((len(part.image), 2, 6)), np.zeros((len(part.image), 2, 3))
     for term in equations.terms:

@@ -85,7 +85,7 @@ def fitting_again(
         considered = np.zeros_like(outside)
         if adjusted.quality.considered is not None:
             come_back = replace(given.image_points, active=alone).only(np.flatnonzero(alone))
-            considered = adjusted.quality.considered.covariance_of_rays(come_back, adjusted.state)
+            considered = adjusted.quality.considered.covariance_of_rays(come_back)
         own = np.ones(len(whitened))
         statistic = _predicted(whitened, outside, considered, unit, own, rule, variance)
         rows = np.flatnonzero(alone)

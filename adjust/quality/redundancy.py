@@ -74,7 +74,7 @@ def _residuals_of_rays(system: System, state: State, cofactor: Cofactor) -> Grou
     """The same as :func:`_residuals` for image points: uncorrelated components need no matrices."""
     rays, hat, added = system.observations.image_points, cofactor.hat_of_rays, None
     if cofactor.considered is not None:
-        of_considered = cofactor.considered.covariance_of_rays(rays, state)
+        of_considered = cofactor.considered.covariance_of_rays(rays)
         added = np.ascontiguousarray(np.diagonal(of_considered, axis1=1, axis2=2))
     residual, redundancy, standardized, detectable = (np.empty((len(rays.image), 2)) for _ in range(4))
 

@@ -105,7 +105,7 @@ def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats,
     pulls = [whitened_residuals(rays.stochastic, of_rays.residual)]
     remainder = np.eye(2) - _hat_of_rays(adjusted.quality.hat_of_rays)
     if adjusted.quality.considered is not None:
-        remainder += adjusted.quality.considered.covariance_of_rays(rays, adjusted.state)
+        remainder += adjusted.quality.considered.covariance_of_rays(rays)
     remainders = [remainder]
     for group in adjusted.observations.others:
         found = single_errors(

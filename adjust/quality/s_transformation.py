@@ -38,7 +38,7 @@ def with_inner_constraints(system: System, solution: Solution, quality: Cofactor
     if movements is None:
         return quality
     g = movements.vectors
-    z = solve_full(system, solution.state, solution.factorization, movements.selected)
+    z = solve_full(system, solution.linearization, solution.factorization, movements.selected)
     f = z.minus(g.times(0.5 * movements.selected.dot(z)))
     first, second = system.joined
     between = _product(g.of_points[first], f.of_points[second])

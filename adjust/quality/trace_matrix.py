@@ -54,15 +54,14 @@ class _Residuals:
         cls,
         operator: ResidualOperator | ResidualOperatorOfOthers,
         groups: tuple[ObservationGroup, ...],
-        solution: Solution,
         considered: ConsideredErrors | None,
     ) -> Self:
-        """Of the groups of an operator at a solution."""
+        """Of the groups of an operator."""
         if considered is None:
             none = tuple(np.zeros((*group.stochastic.present.shape, 0)) for group in groups)
             return cls(operator, none, np.zeros((0, 0)))
-        root, state = considered.remaining_root, solution.linearization
-        spread = tuple(considered.of_whitened(group, state) @ root for group in groups)
+        root = considered.remaining_root
+        spread = tuple(considered.of_whitened(group) @ root for group in groups)
         return cls(operator, spread, root.T @ root)
 
     def of_vectors(self, vectors: tuple[Floats, ...]) -> tuple[Floats, ...]:
@@ -112,7 +111,7 @@ def trace_matrix(
     whole = [k for k in rays if parts[k].rows is None]
     groups = system.observations.groups
     operator = ResidualOperatorOfOthers.of(system, solution)
-    residuals = _Residuals.of(operator, groups[1:], solution, considered)
+    residuals = _Residuals.of(operator, groups[1:], considered)
     for h in others:
         for count in _portions(int(number[h])):
             of_others, of_rays = _probed_others(residuals, groups, parts, h, count, random)
@@ -124,7 +123,7 @@ def trace_matrix(
         shared = _shared_with_others(residuals, groups[1:], int(number[whole[0]]), random)
         traces[whole[0], whole[0]] = redundancy[whole[0]] - residuals.lost_elsewhere - shared
     elif rays:
-        every = _Residuals.of(ResidualOperator.of(system, solution), groups, solution, considered)
+        every = _Residuals.of(ResidualOperator.of(system, solution), groups, considered)
         _probe_rays(every, groups, parts, number, random, traces)
     return traces
 

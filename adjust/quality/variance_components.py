@@ -31,7 +31,6 @@ from adjust.arrays import Bools, Floats
 from adjust.least_squares import Adjusted
 from adjust.observations.base import CorrelatedOverTime, ObservationGroup
 from adjust.observations.image_point import ImagePoints
-from adjust.parameters import State
 from adjust.quality import correlation_time
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.correlation_time import CorrelationTime
@@ -138,9 +137,7 @@ class PartSums:
         others = adjusted.residuals_of_others
         if adjusted.considered is not None:
             pairs = zip(adjusted.observations.others, others, strict=True)
-            others = tuple(
-                _left_of(group, item, adjusted.state, adjusted.considered) for group, item in pairs
-            )
+            others = tuple(_left_of(group, item, adjusted.considered) for group, item in pairs)
         return cls(*np.array([_sums_of_part(adjusted, part, others) for part in parts]).reshape(-1, 2).T)
 
 
@@ -160,14 +157,14 @@ def _sums_of_part(adjusted: Adjusted, part: Part, others: tuple[GroupResiduals, 
         item = adjusted.residuals[0]
         if adjusted.considered is not None:
             rays = adjusted.observations.image_points
-            item = _left_of(rays, item, adjusted.state, adjusted.considered)
+            item = _left_of(rays, item, adjusted.considered)
         squares = (item.residual * adjusted.observations.image_points.inverse_sigma) ** 2
         redundancy = item.redundancy
     return float(np.nansum(squares[part.place])), float(np.nansum(redundancy[part.place]))
 
 
 def _left_of(
-    group: ObservationGroup, residuals: GroupResiduals, state: State, considered: ConsideredErrors
+    group: ObservationGroup, residuals: GroupResiduals, considered: ConsideredErrors
 ) -> GroupResiduals:
     """What the most probable errors of considered parameters leave of residuals and redundancy numbers."""
     residual, redundancy = residuals.residual.copy(), residuals.redundancy.copy()
@@ -178,7 +175,7 @@ def _left_of(
         part = slice(first, first + step)
         few = group.only(part) if isinstance(group, ImagePoints) else group
         model = few.stochastic
-        moved = considered.of_computed(few.linearize(state))
+        moved = considered.of_computed(few.linearize(considered.state))
         moved = np.where(model.present[:, :, None], moved, 0.0)
         residual[part] -= moved @ considered.most_probable
         for spread in np.moveaxis(moved @ considered.remaining_root, 2, 0):

@@ -81,7 +81,9 @@ def block_errors(
 ) -> BlockErrors:
     """Effects on points in some cells (k,), which at least two images see."""
     system = solution.system
-    solved = Solution(solution.state, solution.factorization.normals, solution.factorization, ())
+    solved = Solution(
+        result.solution.linearization, solution.factorization.normals, solution.factorization, ()
+    )
     groups = _groups(solution, result)
     touched = [term.index for item in groups for term in item.equations.terms if term.block == OBJECT_POINT]
     points = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *touched]))

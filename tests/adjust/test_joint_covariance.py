@@ -15,7 +15,7 @@ from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, ConsideredParameters, ParameterPlace
 from adjust.quality.considered import with_considered
 from adjust.result import AdjustmentResult
-from adjust.solve.design_matrix import DesignMatrix, design_matrix, full_cofactor
+from adjust.solve.design_matrix import DesignMatrix, design_matrix, full_cofactor, redundancy_numbers
 from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips
 
@@ -158,3 +158,19 @@ def test_only_what_is_asked_for_is_in_them() -> None:
     roll = result.covariance(parameters=["boresight_roll of across"])
     assert [str(unknown) for unknown in roll.unknowns] == ["boresight_roll of across"]
     assert repr(roll).startswith("JointCovariance of 1 unknown: boresight_roll of across ± ")
+
+
+def test_a_distance_between_points_that_turn_together_has_its_redundancy_number() -> None:
+    """Nothing but the line of positions holds a strip: points are good to metres, distances to millimetres.
+
+    Derivatives of another state than that of the normal equations would not cancel.
+    """
+    scene = two_strips(
+        strips=1, images_per_strip=3, control=(), ins=False, distances=4, noise_seed=1, start_seed=4
+    )
+    result = adjusted(scene)
+    total = sum(group.redundancy_sum for group in result.groups)
+    assert total == pytest.approx(result.test.redundancy, abs=1e-5)
+    design = design_matrix(result.system, result.solution.linearization)
+    (expected,) = redundancy_numbers(result.system, design, full_cofactor(design))[-1].T
+    np.testing.assert_allclose(result.groups[-1].redundancy[:, 0], expected, atol=1e-5)

@@ -196,7 +196,8 @@ def test_a_fold_whose_points_are_not_used_has_no_prediction() -> None:
         scene.block, replace(scene.observations, image_points=unseen), AdjustmentOptions(control_folds=4)
     )
     check = result.left_out_by_fold
-    assert check is not None and result.left_out_singly is not None
+    assert check is not None
+    assert result.left_out_singly is not None
     assert not result.active_point[control.point[3]]
     assert np.isnan(check.difference[3]).all()
     np.testing.assert_allclose(check.difference, result.left_out_singly.difference, atol=1e-9)
