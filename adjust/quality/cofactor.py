@@ -60,7 +60,6 @@ class Cofactor:
             border=reduced.border[:, :, :g],
             corner=reduced.corner[:g, :g],
             normal=reduced.normal[:g, :g] - mixed @ np.linalg.solve(own, mixed.T),
-            reduced_diagonal=reduced.reduced_diagonal[:g],
         )
         return replace(self, reduced=parameters)
 

@@ -34,7 +34,8 @@ class ReducedCofactor:
     border : (n, 6, g).  corner : (g, g).
     normal : (g, g) inverse of ``corner``: normal matrix of the system parameters with all else eliminated.
         Not found by inversion, so that it keeps its digits where ``corner`` has lost them.
-    reduced_diagonal : (g,) of the reduced normal matrix, where only the object points are eliminated.
+    reduced_diagonal : of the reduced normal matrix of the system parameters, without joins, where only the
+        object points are eliminated.
     """
 
     pattern: Covisibility
@@ -95,7 +96,7 @@ class Factorization:
             pattern or self.normals.pattern,
             *self.factor.inverse(pattern, keep),
             self.factor.border_normal(),
-            np.diagonal(self.normals.corner).copy(),
+            self.normals.diagonal_of_parameters,
         )
 
 

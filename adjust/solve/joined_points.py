@@ -79,6 +79,11 @@ class Couplings:
     number: Ints
     vector: Floats
 
+    @property
+    def joins(self) -> int:
+        """Number k of the unknowns t."""
+        return len(self.number) // 2
+
     def columns(self, first: int) -> tuple[Ints, Ints, Floats]:
         """What the kernels take, with the columns of the unknowns t counted from a first one."""
         return self.start, self.number + first, self.vector

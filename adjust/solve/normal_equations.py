@@ -63,6 +63,14 @@ class ReducedNormals:
         """Which exposure blocks are there."""
         return self.blocking.pattern
 
+    @property
+    def diagonal_of_parameters(self) -> Floats:
+        """(g,) of the corner of the system parameters, with the unknowns of joins eliminated like the points."""
+        g = len(self.corner) - self.couplings.joins
+        mixed, joins = self.corner[:g, g:], self.corner[g:, g:]
+        taken = np.einsum("gj,jg->g", mixed, np.linalg.solve(joins, mixed.T))
+        return np.asarray(np.diagonal(self.corner)[:g] - taken)
+
 
 def reduced_normals(system: System, state: State, damping: float = 0.0) -> ReducedNormals:
     """Normal equations at a state, object points eliminated; N + damping · diag N.
