@@ -75,7 +75,8 @@ class Adjusted:
         """Residuals and redundancy numbers of all groups."""
         if self.known_residuals is not None:
             return self.known_residuals
-        return group_residuals(self.system, self.state, self.quality)
+        linearization = self.solution.linearization
+        return group_residuals(self.system, self.state, self.quality, linearization)
 
     @cached_property
     def quality_of_others(self) -> Cofactor:
@@ -88,7 +89,8 @@ class Adjusted:
     @cached_property
     def residuals_of_others(self) -> tuple[GroupResiduals, ...]:
         """Those of the groups other than image points; w without errors of considered parameters."""
-        return residuals_of_others(self.system, self.state, self.quality_of_others)
+        linearization = self.solution.linearization
+        return residuals_of_others(self.system, self.state, self.quality_of_others, linearization)
 
     @property
     def state(self) -> State:

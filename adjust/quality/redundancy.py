@@ -55,18 +55,30 @@ class GroupResiduals:
 _NO_REDUNDANCY = 1e-6
 
 
-def group_residuals(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
-    """Residuals and redundancy numbers of all groups, in the order of ``observations.groups``."""
-    return _residuals_of_rays(system, state, cofactor), *residuals_of_others(system, state, cofactor)
+def group_residuals(
+    system: System, state: State, cofactor: Cofactor, linearization: State | None = None
+) -> tuple[GroupResiduals, ...]:
+    """Residuals and redundancy numbers of all groups, in the order of ``observations.groups``.
+
+    Parameters
+    ----------
+    linearization : the state of the cofactors; None: that of the residuals.
+    """
+    others = residuals_of_others(system, state, cofactor, linearization)
+    return _residuals_of_rays(system, state, cofactor), *others
 
 
-def residuals_of_others(system: System, state: State, cofactor: Cofactor) -> tuple[GroupResiduals, ...]:
+def residuals_of_others(
+    system: System, state: State, cofactor: Cofactor, linearization: State | None = None
+) -> tuple[GroupResiduals, ...]:
     """Those of all groups but the image points."""
     results = []
     for group in system.observations.others:
-        equations = group.linearize(state)
+        equations = at_end = group.linearize(state)
+        if linearization is not None and linearization is not state:
+            equations = group.linearize(linearization)
         found = single_errors(group, equations, system.layout, cofactor)
-        results.append(_residuals(group, -equations.misclosure, found))
+        results.append(_residuals(group, -at_end.misclosure, found))
     return tuple(results)
 
 

@@ -65,7 +65,7 @@ class ReducedNormals:
 
     @property
     def diagonal_of_parameters(self) -> Floats:
-        """(g,) of the corner of the system parameters, with the unknowns of joins eliminated like the points."""
+        """(g,) of the corner of the system parameters, with the unknowns of joins eliminated, too."""
         g = len(self.corner) - self.couplings.joins
         mixed, joins = self.corner[:g, g:], self.corner[g:, g:]
         taken = np.einsum("gj,jg->g", mixed, np.linalg.solve(joins, mixed.T))
