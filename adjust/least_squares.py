@@ -184,8 +184,9 @@ class Adjuster:
             start = replace(start, object_point=places)
         try:
             solution, promised = single_step(before.system, before.solution, system, start)
-        except DatumDefectError:
-            # Of an earlier state's matrix, what the rejected observations gave at this one is taken off.
+        except (DatumDefectError, np.linalg.LinAlgError):
+            # Of an earlier state's matrix, what the rejected observations gave at this one is taken off: what
+            # is left may be singular, or have negative eigenvalues.
             return self.again(before, observations, state)
         changed = changed_points(before.observations, system.observations, len(system.active_point))
         quality = of_other_rays(before.quality, system, solution, changed)

@@ -7,7 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from adjust.adjustment import adjust_block
 from adjust.arrays import Bools
+from adjust.errors import DatumDefectError
 from adjust.parameters import ADDITIONAL_PARAMETERS, INTERIOR_ORIENTATION
 from adjust.quality.cofactor import cofactor, of_other_rays
 from adjust.solve.factorization import factorize
@@ -15,6 +17,7 @@ from adjust.solve.gauss_newton import Solution
 from adjust.solve.normal_equations import ReducedNormals, reduced_normals
 from adjust.solve.system import Observations, System
 from adjust.solve.updated_normals import changed_points, updated_normals
+from tests.adjust.random_scenes import drawn
 from tests.adjust.scenes import Scene, variants
 from tests.adjust.solve.dense_normals import dense_matrix
 
@@ -114,3 +117,11 @@ def test_a_basis_that_is_known_gives_what_computing_it_each_time_gives(scene: Sc
         np.testing.assert_allclose(one.misclosure, other.misclosure, rtol=0.0, atol=1e-15)
         for term, same in zip(one.terms, other.terms, strict=True):
             np.testing.assert_allclose(term.jacobian, same.jacobian, rtol=1e-12)
+
+
+def test_a_rejection_that_leaves_parameters_undetermined_names_them() -> None:
+    """Of an earlier state's matrix more is taken off than it has: it is not even positive semidefinite."""
+    one = drawn(46)
+    options = replace(one.options, reference_variance="a_posteriori", critical_value=2.2)
+    with pytest.raises(DatumDefectError, match="boresight"):
+        adjust_block(one.block, one.observations, options)
