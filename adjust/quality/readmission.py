@@ -24,7 +24,7 @@ from adjust.quality.cofactor import with_points
 from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.locatability import explanations
 from adjust.quality.rejection import SnoopingRule, estimated_variance, survey_information
-from adjust.quality.single_error import single_errors
+from adjust.quality.single_error import equations_at, single_errors
 from adjust.quality.snooping_statistic import (
     EstimatedVariance,
     directional_statistic,
@@ -98,7 +98,7 @@ def fitting_again(
             continue
         found = single_errors(
             group,
-            group.linearize(adjusted.state),
+            equations_at(group, adjusted.state, adjusted.solution.linearization),
             adjusted.system.layout,
             adjusted.quality,
             left.stochastic.taking_part,

@@ -24,7 +24,7 @@ from adjust.parameters import State
 from adjust.quality.cofactor import Cofactor
 from adjust.quality.detectability import NON_CENTRALITY
 from adjust.quality.residual_kernel import statistics_of_rays
-from adjust.quality.single_error import SingleErrors, single_errors
+from adjust.quality.single_error import SingleErrors, equations_at, single_errors
 from adjust.solve.lanes import Lane, in_order, lanes
 from adjust.solve.system import System
 
@@ -74,11 +74,9 @@ def residuals_of_others(
     """Those of all groups but the image points."""
     results = []
     for group in system.observations.others:
-        equations = at_end = group.linearize(state)
-        if linearization is not None and linearization is not state:
-            equations = group.linearize(linearization)
+        equations = equations_at(group, state, linearization or state)
         found = single_errors(group, equations, system.layout, cofactor)
-        results.append(_residuals(group, -at_end.misclosure, found))
+        results.append(_residuals(group, -equations.misclosure, found))
     return tuple(results)
 
 

@@ -30,7 +30,7 @@ from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.locatability import Explanations, explanations
 from adjust.quality.redundancy import GroupResiduals
 from adjust.quality.residual_kernel import largest_controlled
-from adjust.quality.single_error import single_errors
+from adjust.quality.single_error import equations_at, single_errors
 from adjust.quality.snooping_statistic import (
     EstimatedVariance,
     directional_statistic,
@@ -108,9 +108,8 @@ def snooping_statistics(adjusted: Adjusted, rule: SnoopingRule) -> tuple[Floats,
         remainder += adjusted.quality.considered.covariance_of_rays(rays)
     remainders = [remainder]
     for group in adjusted.observations.others:
-        found = single_errors(
-            group, group.linearize(adjusted.state), adjusted.system.layout, adjusted.quality
-        )
+        equations = equations_at(group, adjusted.state, adjusted.solution.linearization)
+        found = single_errors(group, equations, adjusted.system.layout, adjusted.quality)
         pulls.append(found.pull)
         remainders.append(found.inside + found.considered)
     results = []

@@ -13,13 +13,13 @@ from the adjustment and its neighbours, and the second term is added in place of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.base import Linearization, ObservationGroup
-from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
+from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout, State
 from adjust.quality.cofactor import Cofactor
 from adjust.solve.whitening import add_border_columns, standardize
 
@@ -56,6 +56,14 @@ class SingleErrors:
         return self.weight[:, None, None] * np.eye(self.hat.shape[1]) + self.hat
 
 
+def equations_at(group: ObservationGroup, state: State, linearization: State) -> Linearization:
+    """Misclosures at a state, with the derivatives of that of the cofactors, so that both cancel in I − H."""
+    equations = group.linearize(state)
+    if linearization is state:
+        return equations
+    return replace(group.linearize(linearization), misclosure=equations.misclosure)
+
+
 def single_errors(
     group: ObservationGroup,
     equations: Linearization,
@@ -63,11 +71,11 @@ def single_errors(
     cofactor: Cofactor,
     taking_part: Bools | None = None,
 ) -> SingleErrors:
-    """Errors of single observations of a group at the state where it was linearised.
+    """Errors of single observations of a group.
 
     Parameters
     ----------
-    equations : as linearised, not whitened.
+    equations : as of :func:`equations_at`, not whitened.
     taking_part : (n,) observations in the adjustment that the cofactors belong to; None: those the group has.
     """
     alone = standardize(group, equations)
