@@ -1,5 +1,8 @@
 """Gauss–Newton iteration, with Levenberg–Marquardt damping only when a step fails.
 
+Damped steps of a weak network creep along a curved valley, which steps that let vᵀPv rise for a while leave:
+where they do not arrive, undamped ones are tried from the start.
+
 Stops when bᵀdx < ε². Since (dx_i/σ_i)² ≤ dxᵀ N dx = bᵀdx for every unknown (Cauchy–Schwarz), no
 unknown then moves by more than ε of its own a-priori standard deviation. In a free network bᵀdx does not
 notice movements of the block as a whole; those must have ended, too.
@@ -268,7 +271,30 @@ def _iterated(
             normals = reduced_normals(system, state, damping)
     if may_stall:
         return _End(state, normals.weighted_squares, tuple(history), True, step)
+    undamped = _undamped(system, start, most, progress, limit)
+    if undamped is not None and undamped.weighted_squares <= normals.weighted_squares * (1 + 1e-9):
+        return undamped
     raise DivergenceError(most, tuple(item.weighted_squares for item in history), _largest(system, step))
+
+
+def _undamped(
+    system: System, start: State, most: int, progress: Progress | None, limit: float
+) -> _End | None:
+    """As ``_iterated``, every step as it is; None where that does not converge."""
+    state, history = start, list[Iteration]()
+    for number in range(1, most + 1):
+        try:
+            step = Step.newton(system, state, reduced_normals(system, state))
+        except (DatumDefectError, InconsistentBlockError):
+            return None
+        history.append(Iteration(number, step.normals.weighted_squares, step.largest_move, 0.0))
+        if progress is not None:
+            progress(history[-1])
+        state = step.moved
+        if step.largest_move < limit and step.datum_settled:
+            at_end = weighted_squares(system, state)
+            return _End(state, at_end, tuple(history), False, step) if np.isfinite(at_end) else None
+    return None
 
 
 def _step(system: System, state: State, normals: ReducedNormals, before: Step | None) -> Step:

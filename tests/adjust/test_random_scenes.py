@@ -40,7 +40,7 @@ from tests.adjust.random_scenes import Drawn, drawn
 
 # In parts of the σ of a number. Observations of which the block controls next to nothing have no digits, nor
 # have predictions that next to nothing determines, and blocks that are all but singular.
-TOLERANCE = 2e-5
+TOLERANCE = 1e-4
 _TOLD, _DETERMINED, _NOTHING = 1e-4, 500.0, 1e-7
 _WEAKEST, _OPEN = 1e-4, 1e-12
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from adjust.adjustment import adjust_block
+from adjust.adjustment import adjust_block, estimate_block
 from adjust.parameters import BORESIGHT
 from adjust.quality.cofactor import cofactor
 from adjust.solve.gauss_newton import iterate
@@ -116,3 +116,14 @@ def test_a_start_out_of_reach_of_plain_steps_is_reached_with_damping(seed: int) 
     assert any(step.damping > 0.0 for step in solution.iterations)
     assert solution.iterations[-1].damping == 0.0
     np.testing.assert_allclose(solution.state.projection_centre, near.state.projection_centre, atol=1e-6)
+
+
+@pytest.mark.parametrize(("start_seed", "noise_seed"), [(3, 0), (4, 0), (7, 0), (10, 1), (21, 1)])
+def test_a_strip_without_control_is_found_from_every_start(start_seed: int, noise_seed: int) -> None:
+    # Held by four positions and distances alone; from most of these starts damped steps creep for ever.
+    scene = two_strips(
+        strips=1, images_per_strip=4, control=(), ins=False, distances=4, noise_seed=noise_seed,
+        start_seed=start_seed,
+    )  # fmt: skip
+    estimate = estimate_block(scene.block, scene.observations)
+    assert estimate.weighted_squares == pytest.approx({0: 57.54769, 1: 61.81874}[noise_seed], abs=1e-4)
