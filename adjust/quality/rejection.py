@@ -7,7 +7,7 @@ strip whose errors are correlated, and none below seven tenths of the largest st
 image, and of all observations that are no image points. The others are judged again when these are gone. An
 object point is given up when it is left with too little to determine it, or when it cannot be determined
 which of its rays is wrong; with four rays or more only the two most likely are rejected, and the good one of
-them fits again in the end.
+them fits again in the end. A survey that most rays of its point contradict is rejected in their place.
 """
 
 from __future__ import annotations
@@ -217,6 +217,7 @@ def choose(
     for suspects in unclear.values():
         if len(suspects.ray) >= _ENOUGH_RAYS:
             rejected[0][suspects.likeliest(2)] = True
+    _survey_for_most_rays(observations, rejected)
     given_up = _undetermined(observations, rejected, len(state.object_point))
     given_up[[point for point, suspects in unclear.items() if len(suspects.ray) < _ENOUGH_RAYS]] = True
     return Rejection(rejected, given_up)
@@ -250,6 +251,24 @@ def _beside(group: ObservationGroup, i: int) -> list[tuple[str, int]]:
     if neighbours is None:
         return []
     return [("event", int(group.event[index[i]])) for index in (neighbours.before, neighbours.after)]
+
+
+def _survey_for_most_rays(observations: Observations, rejected: tuple[Bools, ...]) -> None:
+    """Reject the survey of an object point in place of a ray, if most of its rays would be rejected with it.
+
+    They contradict it, which is one error of it rather than one of each of them: the others would leave it
+    with hardly any control, and its error in the block.
+    """
+    rays, last = observations.image_points, np.flatnonzero(rejected[0])
+    points = int(rays.point.max(initial=0)) + 1
+    left = rays.seen_from(rays.active & ~rejected[0], points)
+    most = 2.0 * left < rays.seen_from(np.ones_like(rays.active), points)
+    last = last[most[rays.point[last]]]
+    for group, mask in zip(observations.others, rejected[1:], strict=True):
+        if not isinstance(group, Distances):
+            surveys = np.isin(group.point, rays.point[last]) & group.stochastic.present.any(axis=1)
+            mask |= surveys
+            rejected[0][last[np.isin(rays.point[last], group.point[surveys])]] = False
 
 
 def _undetermined(observations: Observations, rejected: tuple[Bools, ...], points: int) -> Bools:

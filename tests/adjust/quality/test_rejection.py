@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from adjust.adjustment import adjust_block
 from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjuster
 from adjust.observations.base import StochasticModel
+from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
 from adjust.observations.distance import Distances
 from adjust.observations.image_point import ImagePoints
@@ -135,6 +136,32 @@ def test_a_control_point_one_metre_off_is_rejected_rather_than_its_rays() -> Non
     # The point itself stays, determined by its rays.
     assert result.active_point[control.point[1]]
     assert result.groups[1].residual[1, 0] == pytest.approx(-1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("test", ["components", "observations"])
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_control_point_that_most_of_its_rays_contradict_is_rejected_in_their_place(
+    test: Any, count: int
+) -> None:
+    """Hardly anything controls its height, and without them it would count as exact."""
+    given = scene()
+    rays, control = given.observations.image_points, cast(ControlPoints, given.observations.others[0])
+    point = int(control.point[0])
+    others = np.flatnonzero(rays.point == point)[:-count]
+    rays = rays.only(np.setdiff1d(np.arange(len(rays.image)), others))
+    sigma, position, height = control.stochastic.sigma.copy(), control.given.copy(), control.given_height.copy()
+    sigma[0] = 0.02
+    position[0] += 2.0 * control.frame.local_from_enu(position[:1])[0, :, 2]
+    height[0] += 2.0
+    weights = StochasticModel.from_sigma(sigma)
+    wrong = replace(control, given=position, given_height=height, stochastic=weights)
+    observations = Observations(rays, (wrong, *given.observations.others[1:]))
+    options = AdjustmentOptions(critical_value=CRITICAL, test=test)
+    result = adjust_block(given.block, observations, options)
+    assert (result.groups[1].status[0] == ObservationStatus.REJECTED).all()
+    assert [group.rejected for group in result.groups] == [0, 1, 0, 0]
+    error = result.state.object_point[point] - given.truth.object_point[point]
+    assert (np.abs(error) < 4.0 * np.sqrt(np.diag(result.cofactor.of_points[point]))).all()
 
 
 def test_a_wrong_antenna_position_is_rejected() -> None:
