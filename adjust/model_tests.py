@@ -25,6 +25,8 @@ from adjust.solve.system import Observations, System
 
 #: Part of a group, and number of its observations, from which those that were rejected come back.
 MANY, SEVERAL = 0.05, 3
+# The same of a group of few, where those that are left may be the wrong ones.
+_THIRD, _TWO = 1.0 / 3.0, 2
 # Redundancy numbers of what is left after most was rejected may be next to nothing.
 _LEAST_PART = 0.5
 
@@ -78,13 +80,13 @@ def examined_model(
     others = result.groups[1:]
     system, solution = result.system, result.solution
     with one_thread():
-        if any(_is_restored(group) for group in others):
+        if any(is_restored(group) for group in others):
             rays = result.system.observations.image_points
             left = Observations(rays, tuple(_tested(group) for group in others))
             system = System.of(block, left, options.threads, options.free_network)
             solution = iterate(system, result.state, options.most_iterations)
         tests = alternative_tests(system, solution, alternatives)
-    restored = tuple(_restored(group, solution.state) for group in others if _is_restored(group))
+    restored = tuple(_restored(group, solution.state) for group in others if is_restored(group))
     return ModelTests(tests, restored)
 
 
@@ -100,9 +102,10 @@ def _restored(group: GroupResult, state: State) -> RestoredGroup:
 
 
 def _tested(group: GroupResult) -> ObservationGroup:
-    return group.group if _is_restored(group) else group.taking_part
+    return group.group if is_restored(group) else group.taking_part
 
 
-def _is_restored(group: GroupResult) -> bool:
+def is_restored(group: GroupResult) -> bool:
+    """Whether so much of a group was rejected that all of it is used in the tests."""
     count = int(group.group.stochastic.taking_part.sum())
-    return group.rejected >= max(SEVERAL, MANY * count)
+    return group.rejected >= min(max(SEVERAL, MANY * count), max(_TWO, _THIRD * count))

@@ -34,6 +34,8 @@ _GRAVITY = (1.0, 30.0)
 _SCATTER_PROBABILITY = 0.001
 # Scores correlated by more than this cannot be separated from each other by chance; so many are named.
 _ALIKE, _MOST_ALIKE = 0.7, 3
+# By more than this, one explains nearly all that the other does.
+_SAME = 0.9
 # So many σ beyond the largest possible size, it is certain that something else is the cause.
 _CERTAIN = 3.0
 # With fewer strips their scatter says nothing.
@@ -280,7 +282,8 @@ def possible_explanation(
     """The alternatives that explain the misclosures, without those that would have to be too large for it.
 
     Where several look nearly the same, together they can take any size. What is too large by itself stays,
-    and so does a contradiction that nothing else explains: something is wrong.
+    unless another one that is possible explains nearly the same, and so does a contradiction that nothing else
+    explains: something is wrong.
 
     Parameters
     ----------
@@ -289,8 +292,10 @@ def possible_explanation(
     scale : factor of all σ.
     """
     critical, order = critical.copy(), tests.explanation(critical)
-    alone = np.abs(tests.estimate) - _CERTAIN * scale * tests.sigma
-    most = np.where(alone > most, np.inf, most)
+    too_large = np.abs(tests.estimate) - _CERTAIN * scale * tests.sigma > most
+    possible = ~too_large & (np.abs(tests.t) > critical)
+    replaced = (np.abs(np.nan_to_num(tests.correlation[:, possible])) > _SAME).any(axis=1)
+    most = np.where(too_large & ~replaced, np.inf, most)
     while order:
         size, sigma = np.abs(tests.joint(order)[1]), scale * tests.joint_sigma(order)
         beyond = size - _CERTAIN * sigma > most[list(order)]

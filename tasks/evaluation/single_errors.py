@@ -13,6 +13,7 @@ import numpy as np
 from scipy import special
 
 from adjust.block import Block
+from adjust.model_tests import SEVERAL, is_restored
 from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.direct import DirectObservations
@@ -33,7 +34,8 @@ MOST_SINGLE = 10
 
 
 def single_errors(adjusted: AdjustedBlock) -> tuple[Alternative, ...]:
-    """Positions, attitudes, control points and priors with the largest residuals that nothing has rejected.
+    """Positions, attitudes, control points and priors with the largest residuals that nothing has rejected,
+    and two of a group of few that may have been rejected because of the others.
 
     Each has an alternative for every component; they are in the axes of the observations.
     """
@@ -49,6 +51,9 @@ def _of_group(adjusted: AdjustedBlock, tested: GroupResult) -> Iterator[Alternat
     used = tested.status == ObservationStatus.USED
     scale = max(1.0, adjusted.result.test.sigma0)
     w = np.where(used, np.abs(np.nan_to_num(tested.standardized)) / scale, 0.0)
+    if is_restored(tested) and tested.rejected < SEVERAL:  # two that may be wrong each by itself
+        rejected = tested.status == ObservationStatus.REJECTED
+        used, w = used | rejected, np.where(rejected, np.inf, w)
     limit = special.ndtri(1.0 - 0.5 * _ERROR_PROBABILITY / max(int(used.sum()), 1))
     # Each value that is given of a parameter is one by itself; elsewhere all components are wrong, or none.
     alone = w > limit if isinstance(group, DirectObservations | JointPrior) else used

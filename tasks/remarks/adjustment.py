@@ -23,7 +23,7 @@ from tasks.results.figures import (
 _LIMITS = (0.7, 1.4)
 _LEAST_REDUNDANCY = 10.0
 # Fewer rejected observations are gross errors, whatever part of their group they are.
-_SEVERAL = 3
+_SEVERAL = 2
 _MOST_NAMES, _MOST_PARAMETERS = 5, 8
 _UNCONTROLLED = "image coordinates are uncontrolled"
 _CONSTRAINED = {

@@ -10,9 +10,11 @@ import pytest
 from adjust.adjustment import adjust_block
 from adjust.geometry import rotation
 from adjust.model_tests import examined_model
+from adjust.observations.gnss_position import GnssPositions
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT
 from adjust.quality.model_alternatives import ParameterAlternative
+from adjust.solve.system import Observations
 from tests.adjust.scenes import Scene, two_strips
 
 OPTIONS = AdjustmentOptions(critical_value=3.29)
@@ -73,3 +75,20 @@ def test_of_a_good_block_nothing_comes_back(flight: Scene) -> None:
     found = examined_model(flight.block, result, [YAW], OPTIONS)
     assert found.restored == ()
     assert abs(found.tests.t[0]) < 4.0
+
+
+@pytest.mark.parametrize(("control", "rejected"), [(2, 2), (3, 2)])
+def test_two_of_few_control_points_come_back(control: int, rejected: int) -> None:
+    """Against the positions they have one shift, which nothing shows when they are left out."""
+    scene = two_strips(control=("full",) * control, points_along=12, points_across=9, noise_seed=8, free={})
+    others = list(scene.observations.others)
+    number, gnss = next((k, group) for k, group in enumerate(others) if isinstance(group, GnssPositions))
+    others[number] = replace(gnss, observed=gnss.observed + [0.0, 0.0, 0.5])
+    options = AdjustmentOptions(critical_value=4.13)
+    result = adjust_block(scene.block, Observations(scene.observations.image_points, tuple(others)), options)
+    assert [group.rejected for group in result.groups] == [0, rejected, 0, 0]
+    up = ParameterAlternative(GNSS_SHIFT, 0, 2)
+    found = examined_model(scene.block, result, [up], options)
+    assert [group.name for group in found.restored] == ["control_points"]
+    assert found.tests.t[0] > 7.0
+    assert found.tests.estimate[0] == pytest.approx(0.5, abs=4.0 * found.tests.sigma[0])

@@ -32,6 +32,14 @@ def test_what_is_significant_by_itself_stays_whatever_its_size(size: float) -> N
     assert possible_explanation(tests, CRITICAL, np.full(3, 3.0), 1.0) == (2,)
 
 
+def test_what_is_too_large_by_itself_gives_way_to_one_that_is_nearly_alike_and_possible() -> None:
+    """Refraction thirty times as large as it is looks like a distortion."""
+    tests = with_joint_sizes([31.7, 0.0, 0.0])
+    assert possible_explanation(tests, CRITICAL, UNLIMITED, 1.0) == (0,)
+    assert possible_explanation(tests, CRITICAL, np.array([3.0, np.inf, 3.0]), 1.0) == (1,)
+    assert possible_explanation(tests, CRITICAL, np.full(3, 3.0), 1.0) == (0,)
+
+
 def test_a_contradiction_that_nothing_else_explains_stays() -> None:
     """Without the impossible one the other is not significant."""
     tests = with_joint_sizes([300.0, -299.7, 0.0])
