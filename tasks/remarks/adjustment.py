@@ -22,8 +22,8 @@ from tasks.results.figures import (
 # σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
 _LIMITS = (0.7, 1.4)
 _LEAST_REDUNDANCY = 10.0
-# Fewer rejected observations are gross errors, whatever part of their group they are.
-_SEVERAL = 2
+# Fewer rejected observations are gross errors, whatever part of their group they are, unless they are two and all.
+_SEVERAL = 3
 _MOST_NAMES, _MOST_PARAMETERS = 5, 8
 _UNCONTROLLED = "image coordinates are uncontrolled"
 _CONSTRAINED = {
@@ -63,7 +63,10 @@ def beside_limits(value: float, *limits: float) -> tuple[str, ...]:
 def group_sentences(figures: AdjustmentFigures) -> Iterator[str]:
     """Groups of which most was rejected, which is one error of all of them, and groups that do not fit."""
     for group in figures.groups:
-        if group.rows and group.rejected_rows >= _SEVERAL and group.rejected_rows > 0.5 * group.rows:
+        every = group.rejected_rows == group.rows > 1
+        if every or (
+            group.rows and group.rejected_rows >= _SEVERAL and group.rejected_rows > 0.5 * group.rows
+        ):
             yield (
                 f"{group.rejected_rows:,} of {group.rows:,} {group_words(group.group)} were rejected, so "
                 "they hardly contribute to the result. So many must have a common cause, such as their "
