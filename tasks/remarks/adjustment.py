@@ -25,7 +25,16 @@ _LEAST_REDUNDANCY = 10.0
 # Fewer rejected observations are gross errors, whatever part of their group they are, unless they are two and all.
 _SEVERAL = 3
 _MOST_NAMES, _MOST_PARAMETERS = 5, 8
-_UNCONTROLLED = "image coordinates are uncontrolled"
+_UNCONTROLLED = {
+    "image_points": (
+        ("image coordinate is uncontrolled", "image coordinates are uncontrolled"),
+        "points with two rays along the base",
+    ),
+    "control_points": (
+        ("coordinate of control points is uncontrolled", "coordinates of control points are uncontrolled"),
+        "heights of points in two images",
+    ),
+}
 _CONSTRAINED = {
     "object_points": "object points",
     "projection_centres": "projection centres",
@@ -110,14 +119,19 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
                 f"wrong one of {'its' if len(names) == 1 else 'their'} image points cannot be identified: "
                 f"{some_names(names)}."
             )
-    uncontrolled = figures.groups[0].uncontrolled if figures.groups else 0
-    if uncontrolled:
-        yield (
-            f"{_counted(uncontrolled, 'image coordinate is uncontrolled', _UNCONTROLLED)} "
-            f"(redundancy number below {UNCONTROLLED:g}, such as points with two rays along the base): a "
-            f"gross error in {'it' if uncontrolled == 1 else 'them'} would not be detected. "
-            f"{'It was' if uncontrolled == 1 else 'They were'} not tested."
-        )
+    for group in figures.groups:
+        if group.uncontrolled and group.group in _UNCONTROLLED:
+            yield _uncontrolled_words(group)
+
+
+def _uncontrolled_words(group: GroupFigure) -> str:
+    """How many coordinates nothing controls, and what follows from it."""
+    (one, several), such_as = _UNCONTROLLED[group.group]
+    it, was = ("it", "It was") if group.uncontrolled == 1 else ("them", "They were")
+    return (
+        f"{_counted(group.uncontrolled, one, several)} (redundancy number below {UNCONTROLLED:g}, such as "
+        f"{such_as}): a gross error in {it} would not be detected. {was} not tested."
+    )
 
 
 def rejected_control_words(names: Sequence[str]) -> str:

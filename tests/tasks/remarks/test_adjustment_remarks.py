@@ -209,6 +209,17 @@ def test_rejections_name_control_points_and_given_up_points() -> None:
     assert only == uncontrolled
 
 
+@pytest.mark.parametrize(("number", "words"), [(1, "coordinate … is"), (12, "coordinates … are")])
+def test_control_points_whose_errors_nothing_would_show_are_counted(number: int, words: str) -> None:
+    """A height measured in two images: whatever is wrong with it goes into the result."""
+    rays = GroupFigure(group="image_points", observations=100)
+    figures = AdjustmentFigures(groups=(rays, control(uncontrolled=number)), critical_value=4.13)
+    (sentence,) = rejection_sentences(figures)
+    start = words.replace("…", "of control points")
+    assert sentence.startswith(f"{number} {start} uncontrolled (redundancy number below 0.1, such as heights")
+    assert sentence.endswith("tested.")
+
+
 def test_a_single_one_is_spoken_of_as_one() -> None:
     rays = GroupFigure(group="image_points", observations=100, rejected=1, uncontrolled=1)
     figures = AdjustmentFigures(groups=(rays,), critical_value=4.13, taken_back=1, given_up_points=("P7",))
