@@ -17,6 +17,7 @@ from scipy import special
 
 from tasks.evaluation.alternative_words import PRIOR
 from tasks.quantities import group_words, is_calibrated, quantity_words, shown
+from tasks.remarks.model_findings import scatter_words
 from tasks.remarks.observation_sigmas import part_words
 from tasks.results.calibration_figures import StepComparisonFigure
 from tasks.results.figures import AdjustmentFigures
@@ -113,13 +114,11 @@ def _of_model(
         far = together or finding.moved_by > limits.moved_sigmas
         yield far or (finding.quantity, finding.entity) in refusing, finding.sentence
     for item in adjusted.strip_scatter:
-        unit, factor, _ = shown(item.unit)
         yield (
             item.moved_by > limits.moved_sigmas,
-            f"The {quantity_words(item.quantity)} varies between strips by {item.scatter * factor:.2g} "
-            f"{unit} (RMS), more than expected from its σ (χ² {item.statistic:.0f} of {item.freedom}). In "
-            f"total this changes the calibration by {item.moved_by:.1f} σ. Declare errors that are constant "
-            "over a strip (adjustment.ins_correlation_s, gnss_correlation_s, priors.gnss_strip_bias_m).",
+            f"{scatter_words(item)} In total this changes the calibration by {item.moved_by:.1f} σ. Declare "
+            "errors that are constant over a strip (adjustment.ins_correlation_s, gnss_correlation_s, "
+            "priors.gnss_strip_bias_m).",
         )
 
 

@@ -282,8 +282,8 @@ def possible_explanation(
     """The alternatives that explain the misclosures, without those that would have to be too large for it.
 
     Where several look nearly the same, together they can take any size. What is too large by itself stays,
-    unless another one that is possible explains nearly the same, and so does a contradiction that nothing else
-    explains: something is wrong.
+    unless another one that is possible explains nearly the same, and so does a contradiction that nothing
+    else explains: something is wrong.
 
     Parameters
     ----------

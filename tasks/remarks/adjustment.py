@@ -22,7 +22,7 @@ from tasks.results.figures import (
 # σ0 of a group is worth a remark outside these limits, if the group has some redundancy.
 _LIMITS = (0.7, 1.4)
 _LEAST_REDUNDANCY = 10.0
-# Fewer rejected observations are gross errors, whatever part of their group they are, unless they are two and all.
+# Fewer rejected observations are gross errors, whatever part of their group, unless two are all of it.
 _SEVERAL = 3
 _MOST_NAMES, _MOST_PARAMETERS = 5, 8
 _UNCONTROLLED = {

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
 from tasks.evaluation.alternative_words import POWER, PRIOR, alternative_words, where
 from tasks.quantities import COMPONENTS, additional_set, entity_words, quantity_words, shown, with_unit
-from tasks.results.figures import ModelFinding
+from tasks.results.figures import ModelFinding, StripScatter
 
 
 @dataclass(frozen=True)
@@ -138,6 +138,8 @@ _IMAGE_ERRORS = _Kind(
     "The images of camera {entity} have systematic errors that no estimated parameter describes: {size}",
     "Free additional parameters (adjustment.self_calibration) or give the known distortion.",
 )
+# What may vary from strip to strip → the parameters of strips that describe it.
+_OF_STRIPS = {"gnss_shift": "gnss_strip_bias", "gnss_drift": "gnss_drift", "boresight": "ins_strip_bias"}
 # Quantity → its kind and axis, of what is not a parameter.
 _QUANTITIES = {
     "_".join(filter(None, (name, axis))): (name, axis)
@@ -163,6 +165,24 @@ def model_findings(alternatives: pd.DataFrame, *, rejecting: bool = False) -> tu
     return tuple(
         _finding(number, key, rows, runner_up, "" if rejecting else _REJECT)
         for number, (key, rows) in enumerate(causes.items(), start=1)
+    )
+
+
+def strip_scatter_sentences(scatters: Sequence[StripScatter]) -> Iterator[str]:
+    """Quantities that vary from strip to strip, and what describes that in an adjustment."""
+    for item in scatters:
+        family = COMPONENTS[item.quantity].kind.name if item.quantity in COMPONENTS else ""
+        free = _OF_STRIPS.get(family)
+        remedy = f" Free {free} (adjustment.free), or give its prior a larger σ." if free else ""
+        yield f"{scatter_words(item)} The σ of all results leave that out.{remedy}"
+
+
+def scatter_words(item: StripScatter) -> str:
+    """By how much a quantity varies from strip to strip."""
+    unit, factor, _ = shown(item.unit)
+    return (
+        f"The {quantity_words(item.quantity)} varies between strips by {item.scatter * factor:.2g} {unit} "
+        f"(RMS), more than expected from its σ (χ² {item.statistic:.0f} of {item.freedom})."
     )
 
 

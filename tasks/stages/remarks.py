@@ -22,7 +22,7 @@ from tasks.remarks.adjustment import (
     trust_map_sentences,
 )
 from tasks.remarks.independent_checks import check_point_sentences, distance_sentences
-from tasks.remarks.model_findings import model_findings
+from tasks.remarks.model_findings import model_findings, strip_scatter_sentences
 from tasks.remarks.observation_sigmas import (
     correlation_time_sentences,
     unestimated_sentences,
@@ -76,6 +76,8 @@ def _of_tests(
     if summary.distances is not None:
         yield from distance_sentences(distances, summary.distances.confidence)
     yield from (item.sentence for item in findings)
+    if not findings:  # which may be what varies
+        yield from strip_scatter_sentences(figures.strip_scatter)
 
 
 def _of_adjustment(figures: AdjustmentFigures, summary: Summary) -> Iterator[str]:

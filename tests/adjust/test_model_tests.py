@@ -83,7 +83,7 @@ def test_two_of_few_control_points_come_back(control: int, rejected: int) -> Non
     scene = two_strips(control=("full",) * control, points_along=12, points_across=9, noise_seed=8, free={})
     others = list(scene.observations.others)
     number, gnss = next((k, group) for k, group in enumerate(others) if isinstance(group, GnssPositions))
-    others[number] = replace(gnss, observed=gnss.observed + [0.0, 0.0, 0.5])
+    others[number] = replace(gnss, observed=gnss.observed + np.array([0.0, 0.0, 0.5]))
     options = AdjustmentOptions(critical_value=4.13)
     result = adjust_block(scene.block, Observations(scene.observations.image_points, tuple(others)), options)
     assert [group.rejected for group in result.groups] == [0, rejected, 0, 0]

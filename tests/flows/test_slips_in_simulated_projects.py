@@ -412,6 +412,23 @@ def test_another_height_system_is_named_whatever_the_sigma_of_positions(
     assert any("28 of 28 GNSS positions were rejected" in text for text in said)
 
 
+def test_drifts_of_strips_are_said_where_none_of_them_is_significant_by_itself(tmp_path: Path) -> None:
+    """Eight strips with 2.5 mm/s; σ0 is 1.00, and positions are off by 1.3 σ."""
+    changes = (
+        "points.count=300", "project.free=[]", "flight.0.directions=both", "flight.1.directions=both",
+        "truth.focal_length_change_mm=0.0", "truth.principal_point_change_mm=[0.0, 0.0]",
+        *(f"truth.{name}=[0.0, 0.0, 0.0]" for name in ("boresight_deg", "gnss_shift_m", "strip_bias_m")),
+        "truth.strip_drift_m_s=[0.0025, 0.0025, 0.0025]",
+    )  # fmt: skip
+    simulate_project(load_simulation("uce-high", changes, 3), tmp_path)
+    outcome = carry_out(adjustment_alone, RunRequest(tmp_path / "project.toml"))
+    assert outcome.error is None, outcome.error
+    assert not outcome.summary.model_findings
+    (said,) = (item for item in outcome.summary.problems if "varies between strips" in item)
+    assert said.startswith("The GNSS drift y varies between strips by 0.0028 m/s (RMS), more than expected")
+    assert said.endswith("Free gnss_drift (adjustment.free), or give its prior a larger σ.")
+
+
 def test_attitudes_worse_than_stated_are_refused_with_the_sigma_and_its_key(tmp_path: Path) -> None:
     simulate_project(load_simulation("uce-high", ("points.count=300",)), tmp_path)
     table = pd.read_csv(tmp_path / "exposures.csv")

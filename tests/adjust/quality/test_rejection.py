@@ -149,7 +149,8 @@ def test_a_control_point_that_most_of_its_rays_contradict_is_rejected_in_their_p
     point = int(control.point[0])
     others = np.flatnonzero(rays.point == point)[:-count]
     rays = rays.only(np.setdiff1d(np.arange(len(rays.image)), others))
-    sigma, position, height = control.stochastic.sigma.copy(), control.given.copy(), control.given_height.copy()
+    position, height = control.given.copy(), control.given_height.copy()
+    sigma = control.stochastic.sigma.copy()
     sigma[0] = 0.02
     position[0] += 2.0 * control.frame.local_from_enu(position[:1])[0, :, 2]
     height[0] += 2.0
