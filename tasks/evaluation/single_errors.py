@@ -36,8 +36,8 @@ MOST_SINGLE = 10
 def single_errors(adjusted: AdjustedBlock) -> tuple[Alternative, ...]:
     """Positions, attitudes, control points and priors with the largest residuals that nothing has rejected.
 
-    Two of a group of few that may have been rejected because of the others are among them. Each has an alternative for every component; they are in the
-    axes of the observations.
+    Two of a group of few that may have been rejected because of the others are among them. Each has an
+    alternative for every component; they are in the axes of the observations.
     """
     found = (item for group in adjusted.result.groups[1:] for item in _of_group(adjusted, group))
     return tuple(found)

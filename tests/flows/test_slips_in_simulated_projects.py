@@ -413,7 +413,7 @@ def test_another_height_system_is_named_whatever_the_sigma_of_positions(
 
 
 def test_drifts_of_strips_are_said_where_none_of_them_is_significant_by_itself(tmp_path: Path) -> None:
-    """Eight strips with 2.5 mm/s; σ0 is 1.00, and positions are off by 1.3 σ."""
+    """Eight strips with 2.5 mm/s; σ0 is 0.99, and positions in plan and tilts are off by 1.2 σ (RMS)."""
     changes = (
         "points.count=300", "project.free=[]", "flight.0.directions=both", "flight.1.directions=both",
         "truth.focal_length_change_mm=0.0", "truth.principal_point_change_mm=[0.0, 0.0]",

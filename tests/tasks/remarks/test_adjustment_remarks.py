@@ -170,7 +170,7 @@ def test_no_redundancy_is_named_before_a_failed_test() -> None:
         (2, 2, True),
         (1, 1, False),
         (0, 0, False),
-    ],  # fmt: skip
+    ],
 )
 def test_a_group_that_is_mostly_rejected_has_a_common_cause(rejected: int, rows: int, named: bool) -> None:
     group = control(rejected_rows=rejected, rows=rows)
