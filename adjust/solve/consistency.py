@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adjust.arrays import Bools, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.errors import DatumDefectError, InconsistentBlockError
+from adjust.geometry import rotation
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 # Image coordinates beyond so many half formats are in pixels or millimetres.
 _MOST_HALF_FORMATS = 10.0
+# A known angle that changes by less than this part of a rotation does not determine it.
+_LEVERAGE = 0.01
 
 
 def refuse_others_than(block: Block, observations: Observations) -> None:
@@ -98,27 +101,49 @@ def refuse_open_platforms(block: Block, observations: Observations) -> None:
         return
     given = {parameters.family.name: parameters for parameters in block.system}
     of_heads, boresight = given[RELATIVE_ROTATION], given[BORESIGHT]
-    unknown_heads = of_heads.free & ~_observed(of_heads, observations)
-    unknown = boresight.free & ~_observed(boresight, observations)
+    open_heads = of_heads.free & ~_observed(of_heads, observations)
+    open_boresight = boresight.free & ~_observed(boresight, observations)
     for platform in np.setdiff1d(block.rig.reference, block.rig.camera_of_image):
         heads = _heads_with_pictures(block.rig, int(platform))
         is_seen = any(
             isinstance(group, InsAttitudes) and group.stochastic.present[group.camera == platform].any()
             for group in observations.others
         )
-        of_own = unknown[platform] if is_seen else np.ones(3, dtype=bool)
-        open_axes = np.flatnonzero(of_own & unknown_heads[heads].all(axis=(0, 1)))
-        if not (len(heads) and len(open_axes)):
+        of_turn, of_own = _turned_heads(of_heads.values[heads]), _turned_body(boresight.values[platform])
+        known = [of_turn[~open_heads[heads]], *([of_own[~open_boresight[platform]]] if is_seen else [])]
+        turns = _unseen(np.concatenate(known))
+        if not (len(heads) and turns.size):
             continue
         name = block.cameras[platform].name
-        places = [(boresight, platform, k) for k in open_axes if boresight.free[platform, k]]
-        places += [(of_heads, head, k) for head in heads for k in open_axes]
+        moved, own = (np.abs(part @ turns).max(axis=-1) > _LEVERAGE for part in (of_turn, of_own))
+        places = [(boresight, platform, k) for k in np.flatnonzero(own & boresight.free[platform])]
+        places += [(of_heads, heads[h], k) for h, k in np.argwhere(moved & open_heads[heads])]
         named = tuple(str(family.quantity(int(entity), int(axis))) for family, entity, axis in places)
         why = "its boresight and a common rotation of all its heads are one and the same"
         if not is_seen:
             why = "and nothing observes its attitude: a common rotation of all its heads is not determined"
         sentence = f"{name} takes no pictures{':' if is_seen else ','} {why}."
-        raise DatumDefectError(len(open_axes), named, (sentence,))
+        raise DatumDefectError(turns.shape[1], named, (sentence,))
+
+
+def _turned_heads(angles: Floats) -> Floats:
+    """Change (h, 3, 3) of the relative rotations (h, 3) of heads by a small turn g of their platform.
+
+    R(ρ) becomes exp(−g) R(ρ), so E(ρ) dρ = −g.
+    """
+    return np.asarray(-np.linalg.inv(rotation.roll_pitch_yaw_jacobian(angles)))
+
+
+def _turned_body(angles: Floats) -> Floats:
+    """Change (3, 3) of the boresight (3,) by the same: R(b) becomes R(b) exp(g), so E(b) db = R(b) g."""
+    turn = rotation.from_roll_pitch_yaw(angles)
+    return np.asarray(np.linalg.solve(rotation.roll_pitch_yaw_jacobian(angles), turn))
+
+
+def _unseen(known: Floats) -> Floats:
+    """Turns (3, d) that change known angles, (r, 3) by a turn, by a small part of themselves at most."""
+    values, turns = np.linalg.eigh(known.T @ known)
+    return np.asarray(turns[:, values < _LEVERAGE**2])
 
 
 def _heads_with_pictures(rig: Rig, platform: int) -> Ints:

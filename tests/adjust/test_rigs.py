@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,8 @@ from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.errors import DatumDefectError, InconsistentBlockError
 from adjust.geometry import rotation
+from adjust.observations.base import StochasticModel
+from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.options import AdjustmentOptions
@@ -467,31 +469,64 @@ def without_pictures_of_the_reference(scene: Scene) -> Scene:
     return replace(scene, block=of_platform, observations=replace(scene.observations, image_points=left))
 
 
+def observed_rotations(scene: Scene, axes: Sequence[str]) -> Scene:
+    """The same scene with priors of 1 mrad of some rotations: "1 xy" are roll and pitch of head 1."""
+    sigma = np.full((len(scene.block.cameras), 3), np.nan)
+    for of_head in axes:
+        sigma[int(of_head[0]), ["xyz".index(axis) for axis in of_head[2:]]] = 1e-3
+    rows = np.flatnonzero(np.isfinite(sigma).any(axis=1))
+    given = scene.truth.system[RELATIVE_ROTATION][rows]
+    prior = DirectObservations(
+        FAMILIES[RELATIVE_ROTATION], rows, given, StochasticModel.from_sigma(sigma[rows])
+    )
+    others = (*scene.observations.others, *((prior,) if len(rows) else ()))
+    return replace(scene, observations=replace(scene.observations, others=others))
+
+
+ALL_TURN = {BORESIGHT: True, RELATIVE_ROTATION: True}
+HEADS_TURN = {RELATIVE_ROTATION: True}
+
+
 @pytest.mark.parametrize(
-    ("ins", "free", "observed", "sentence"),
+    ("ins", "free", "observed", "defect", "sentence"),
     [
-        (True, {BORESIGHT: True, RELATIVE_ROTATION: True}, False, "are one and the same"),
-        (False, {RELATIVE_ROTATION: True}, False, "nothing observes its attitude"),
-        (True, {BORESIGHT: True, RELATIVE_ROTATION: True}, True, ""),
-        (True, {RELATIVE_ROTATION: True}, False, ""),
-        (True, {BORESIGHT: True}, False, ""),
+        (True, ALL_TURN, (), 3, "are one and the same"),
+        (False, HEADS_TURN, (), 3, "nothing observes its attitude"),
+        # One angle of one head leaves two rotations, roll and pitch of all heads leave the yaw.
+        (True, ALL_TURN, ("1 x",), 2, "are one and the same"),
+        (True, ALL_TURN, ("1 z",), 2, "are one and the same"),
+        (True, ALL_TURN, ("1 xy", "2 xy"), 1, "are one and the same"),
+        (False, HEADS_TURN, ("1 xy", "2 xy"), 1, "nothing observes its attitude"),
+        (True, ALL_TURN, ("1 xyz",), 0, ""),
+        (True, ALL_TURN, ("1 x", "2 yz"), 0, ""),
+        (False, HEADS_TURN, ("1 x", "2 yz"), 0, ""),
+        # With the yaw of the boresight held, that of the heads is one of them alone.
+        (True, {BORESIGHT: (True, True, False), **HEADS_TURN}, ("1 xy",), 0, ""),
+        (True, HEADS_TURN, (), 0, ""),
+        (True, {BORESIGHT: True}, (), 0, ""),
     ],
 )
 def test_a_platform_without_pictures_does_not_turn_against_all_its_heads(
-    ins: bool, free: Mapping[str, object], observed: bool, sentence: str
+    ins: bool, free: Mapping[str, object], observed: Sequence[str], defect: int, sentence: str
 ) -> None:
     """The known positions of the heads determine it to a degree: the adjustment did not converge."""
-    priors = {RELATIVE_ROTATION: 1e-3} if observed else {}
-    scene = without_pictures_of_the_reference(
-        two_strips(heads=3, control=("full",) * 4, ins=ins, free=free, priors=priors, noise_seed=3)
+    scene = observed_rotations(
+        without_pictures_of_the_reference(
+            two_strips(heads=3, control=("full",) * 4, ins=ins, free=free, noise_seed=3, start_seed=4)
+        ),
+        observed,
     )
-    if not sentence:
+    if not defect:
         result = adjust_block(scene.block, scene.observations)
         corner = np.diagonal(result.cofactor.reduced.corner)
         assert np.sqrt(corner).max() < 2e-3
         return
     with pytest.raises(DatumDefectError, match=sentence) as error:
         adjust_block(scene.block, scene.observations)
-    assert error.value.defect == 3
-    assert "relative_rotation_yaw of forward_2" in error.value.parameters
-    assert ("boresight_roll of forward" in error.value.parameters) is ins
+    assert error.value.defect == defect
+    named = error.value.parameters
+    assert "relative_rotation_yaw of forward_2" in named
+    assert ("boresight_yaw of forward" in named) is ins
+    rolls = [item[0] for item in observed if "x" in item]
+    assert ("boresight_roll of forward" in named) is (ins and not rolls)
+    assert not any(f"relative_rotation_roll of forward_{head}" in named for head in rolls)
