@@ -20,10 +20,12 @@ class CorrectionErrors(UnknownErrors):
     at : errors (r, 2, k) of the corrections themselves, metres, at image points (r, 2) of images (r,).
     sigma : standard deviation that systematic errors of the image coordinates are taken to have, metres, of
         each set of images; None for one without corrections.
+    parts : into how many, along each side, the sub-areas of each set were divided to see errors within them.
     """
 
     at: Callable[[Ints, Floats], Floats]
     sigma: Sequence[float | None]
+    parts: Sequence[int | None]
 
     def of_rays(self, rays: ImagePoints, equations: Linearization) -> Floats:
         """Errors (n, 2, k) of computed − corrected image coordinates, metres; equations not whitened."""

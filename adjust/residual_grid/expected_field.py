@@ -9,7 +9,7 @@ distance R. It is what blocks imitate most easily, and other fields would have t
 With roots K_j of their correlation matrices
 
     f = K a,    a ~ N(0, 1),    K = (s_1 K_1, s_2 K_2, …),    C = K Kᵀ
-    f̂ = C Mᵀ (M C Mᵀ + V)⁻¹ m,    Cov(f) = C − C Mᵀ (M C Mᵀ + V)⁻¹ M C
+    f̂ = C Mᵀ (M C Mᵀ + V)⁻¹ m,    Cov(f) = C − C Mᵀ (M C Mᵀ + V)⁻¹ M C = K (1 + KᵀMᵀ V⁻¹ M K)⁻¹ Kᵀ
 
 is what has to be expected (collocation; Moritz 1980). The s_j² are those for which m ~ N(0, M C Mᵀ + V) is
 the most probable (maximum likelihood; Koch 1986).
@@ -37,6 +37,8 @@ _FLOOR = 1e-6
 _SMALL = 1e-4
 # Logarithm of the variance of a signal over that of the noise: where the search begins, and its limits.
 _START, _RANGE = 4.0, (-14.0, 26.0)
+# Directions in which fields of the largest variance add less than this part of the noise tell nothing.
+_FAINT = 1e-4
 # The variance of a field is at most this part of the mean square of the means.
 _LARGEST = 100.0
 # Part of the logarithm of the probability by which it has to grow in a step.
@@ -78,18 +80,21 @@ def expected_field(
     correlated = [_correlation_root(cells, known, length, across) for across in ways for length in _LENGTHS]
     correlated.append(_radial_root(cells, known))
     roots = [own for root in correlated if _is_large(own := contained @ root, root)]
+    nothing = ExpectedField(0.0, 0.0, np.zeros(c), np.zeros((c, 0)))
     if not roots:
-        return ExpectedField(0.0, 0.0, np.zeros(c), np.zeros((c, 0)))
+        return nothing
     lower = np.linalg.cholesky(noise + _FLOOR * np.mean(np.diagonal(noise)) * np.eye(c))
     observed, through = (linalg.solve_triangular(lower, item, lower=True) for item in (means, response))
     shown = [through @ root for root in roots]
     variance, evidence = _variances(shown, observed, _LARGEST * float(np.mean(means**2)))
-    root = np.concatenate([np.sqrt(own) * part for own, part in zip(variance, roots, strict=True)], axis=1)
+    there = [np.sqrt(own) * part for own, part in zip(variance, roots, strict=True) if own > 0.0]
+    if not there:
+        return nothing
+    root = np.concatenate(there, axis=1)
     visible = through @ root
-    lower = np.linalg.cholesky(np.eye(c) + visible @ visible.T)
-    told, seen = (linalg.solve_triangular(lower, item, lower=True) for item in (observed, visible))
-    values, vectors = linalg.eigh(root @ (root.T - seen.T @ (seen @ root.T)))
-    value, left = root @ (seen.T @ told), vectors * np.sqrt(np.maximum(values, 0.0))
+    lower = np.linalg.cholesky(np.eye(root.shape[1]) + visible.T @ visible)
+    half, told = (linalg.solve_triangular(lower, item, lower=True) for item in (root.T, visible.T @ observed))
+    value, left = half.T @ told, half.T
     return ExpectedField(float(np.sqrt((np.sum(value**2) + np.sum(left**2)) / c)), evidence, value, left)
 
 
@@ -106,19 +111,23 @@ def _variances(shown: list[Floats], observed: Floats, most: float) -> tuple[Floa
     shown, observed : M K_j (c, r) and m (c,), with 1 as the covariance of the noise.
     most : upper limit, for what the means do not tell.
     """
-    weights = np.array([part @ part.T for part in shown])
     # Over the variance of the noise, in the mean; what no mean shows at all is nothing or the limit.
-    size = np.maximum([np.trace(own) / len(own) for own in weights], np.exp(_RANGE[0] + 2.0) / most)
+    size = np.maximum([np.sum(part**2) / len(part) for part in shown], np.exp(_RANGE[0] + 2.0) / most)
     upper = np.clip(np.log(size * most), *_RANGE)
+    every = np.concatenate(shown, axis=1)
+    values, vectors = linalg.eigh(every @ every.T)
+    telling = vectors[:, min(np.searchsorted(values * most, _FAINT), len(values) - 1) :]
+    observed, weights = telling.T @ observed, np.array([_square(telling.T @ part) for part in shown])
 
     def loss(logarithms: Floats) -> tuple[float, Floats]:
         """−log of the probability of the means, but for a constant, and its derivatives."""
         variance = np.exp(logarithms) / size
         lower = np.linalg.cholesky(np.eye(len(observed)) + np.tensordot(variance, weights, axes=1))
-        half = linalg.solve_triangular(lower, np.eye(len(lower)), lower=True)
-        told, inverse = half.T @ (half @ observed), half.T @ half
+        inverse, _ = linalg.lapack.dpotri(lower, lower=True)
+        inverse += np.tril(inverse, -1).T
+        told = inverse @ observed
         value = np.sum(np.log(np.diagonal(lower))) + 0.5 * observed @ told
-        own = [np.sum(inverse * weight) - told @ weight @ told for weight in weights]
+        own = [np.vdot(inverse, weight) - told @ weight @ told for weight in weights]
         return float(value), 0.5 * variance * np.array(own)
 
     found = optimize.minimize(
@@ -131,6 +140,10 @@ def _variances(shown: list[Floats], observed: Floats, most: float) -> tuple[Floa
     )
     variance = np.exp(found.x) / size
     return np.where(found.x > _RANGE[0] + 1.0, variance, 0.0), float(observed @ observed - 2.0 * found.fun)
+
+
+def _square(root: Floats) -> Floats:
+    return root @ root.T
 
 
 def _correlation_root(cells: FormatCells, known: Bools, length: float, across: bool) -> Floats:

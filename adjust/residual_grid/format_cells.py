@@ -67,6 +67,11 @@ class Division:
         ]
         return cls(np.append(np.concatenate(pieces), half), np.repeat(np.arange(len(counts)), counts))
 
+    def finer(self, parts: int) -> Division:
+        """Every part divided into equal ones."""
+        pieces = self.edges[:-1, None] + np.diff(self.edges)[:, None] * np.arange(parts) / parts
+        return Division(np.append(pieces, self.edges[-1]), np.repeat(self.tile, parts))
+
     @property
     def parts(self) -> int:
         """Number n of parts."""
@@ -119,6 +124,10 @@ class FormatCells:
         seams = seams or Seams()
         half_x, half_y = half_format
         return cls(Division.of(half_x, cells, seams.x), Division.of(half_y, cells, seams.y))
+
+    def finer(self, parts: int) -> FormatCells:
+        """Every cell divided into `parts` × `parts` equal ones."""
+        return FormatCells(self.along_x.finer(parts), self.along_y.finer(parts))
 
     @property
     def columns(self) -> int:

@@ -8,6 +8,10 @@ probable true corrections f̂ and their covariance (``expected_field``), whereve
 The noise of the means is made of residuals alone, which are independent of what random errors do to the
 unknowns: both add up.
 
+Cells that are too coarse for the errors of the camera leave what varies within them, so f* is looked for in
+finer cells, where residuals and time allow. Their number along the side of a cell is odd: f has a value at
+the middle of each, and is the same between them except next to finer cells without residuals.
+
 Of δ only those combinations are kept that move an unknown by more than a part of its σ.
 """
 
@@ -15,11 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isqrt
 
 import numpy as np
 from scipy import linalg
 
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
 from adjust.observations.control_point import ControlPoints
 from adjust.one_thread import one_thread
@@ -30,19 +35,22 @@ from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.format_cells import FormatCells, Interpolation
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.mean_response import MOST_CELLS, MeanResponse, known_cells
-from adjust.residual_grid.residual_grid import ResidualGrid
+from adjust.residual_grid.residual_grid import LEAST_IN_CELL, ResidualGrid
 from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.solve.full_vectors import FullVectors, joined, solve_full
 
+# Of finer cells there are no more, so that they take some seconds only.
+_MOST_FINER = 1_300
 # What is left out adds less than this part of σ0² N⁻¹ to any variance.
 _NEGLECTED = 0.005
 
 
 @dataclass(frozen=True, eq=False)
 class _SetErrors:
-    """Errors (k, 2, e) of the corrections of a set, and the loads AᵀP E δ by them."""
+    """Errors (k, 2, e) of the corrections of a set in its finer cells, and the loads AᵀP E δ by them."""
 
     sigma: float
+    parts: int
     cells: FormatCells
     of_cells: Floats
     loads: FullVectors
@@ -51,7 +59,6 @@ class _SetErrors:
 def remaining_errors(
     result: AdjustmentResult,
     fields: Sequence[CorrectionField | None],
-    grids: Sequence[ResidualGrid | None],
     grid_of_image: Ints,
     interpolation: Interpolation,
 ) -> CorrectionErrors | None:
@@ -64,20 +71,19 @@ def remaining_errors(
     ----------
     result : of the adjustment with the corrections.
     fields : the corrections of each set of images.
-    grids : the mean residuals that are left.
     grid_of_image : (images,) number of the set of each image.
     interpolation : of the corrections.
     """
     image, found = result.observations.image_points.image, list[_SetErrors | None]()
-    for number, (field, grid) in enumerate(zip(fields, grids, strict=True)):
-        if field is None or grid is None or not known_cells(field, grid).any():
+    for number, field in enumerate(fields):
+        if field is None:
             found.append(None)
         elif field.cells.count > MOST_CELLS:
             return None
         else:
             rows = np.flatnonzero(grid_of_image[image] == number)
             with one_thread():
-                found.append(_of_set(result, rows, field, grid, interpolation))
+                found.append(_of_set(result, rows, field, interpolation))
     there = [item for item in found if item is not None]
     if not there:
         return None
@@ -89,6 +95,7 @@ def remaining_errors(
         errors_of_families(result.layout, of_unknowns.of_border),
         _Fields(tuple(found), grid_of_image, interpolation),
         tuple(None if item is None else item.sigma for item in found),
+        tuple(None if item is None else item.parts for item in found),
     )
 
 
@@ -134,14 +141,15 @@ class _Fields:
 
 
 def _of_set(
-    result: AdjustmentResult,
-    rows: Ints,
-    field: CorrectionField,
-    grid: ResidualGrid,
-    interpolation: Interpolation,
-) -> _SetErrors:
-    """Errors of the corrections of the images whose image points are the rows (r,)."""
-    known, chosen = known_cells(field, grid), controlled(result.groups[0])
+    result: AdjustmentResult, rows: Ints, coarse: CorrectionField, interpolation: Interpolation
+) -> _SetErrors | None:
+    """Errors of the corrections of images with the image points (r,); None if none shows errors."""
+    chosen = controlled(result.groups[0])
+    parts = _parts(coarse, chosen[rows])
+    field, grid = _finer(result, rows, coarse, parts, interpolation)
+    known = known_cells(field, grid)
+    if not known.any():
+        return None
     response = MeanResponse.of(result, rows, grid, known, chosen, interpolation)
     expected, wrong = response.expected(field, grid, result.sigma0)
     errors = _strongest(
@@ -150,7 +158,34 @@ def _of_set(
     of_cells = np.full((2, grid.cells.count, errors.shape[1]), np.nan)
     of_cells[response.known] = errors
     of_loads = response.loads.times(np.vstack([errors, np.zeros_like(errors)]))
-    return _SetErrors(expected.sigma, grid.cells, np.moveaxis(of_cells, 0, 1), of_loads)
+    return _SetErrors(expected.sigma, parts, grid.cells, np.moveaxis(of_cells, 0, 1), of_loads)
+
+
+def _parts(field: CorrectionField, chosen: Bools) -> int:
+    """Into how many parts the sides of the cells are divided, as far as residuals (r, 2) and time allow."""
+    most = min(_MOST_FINER, int(chosen.sum(axis=0).max()) // LEAST_IN_CELL)
+    parts = isqrt(most // field.cells.count)
+    return max(1, parts - 1 + parts % 2)
+
+
+def _finer(
+    result: AdjustmentResult, rows: Ints, coarse: CorrectionField, parts: int, interpolation: Interpolation
+) -> tuple[CorrectionField, ResidualGrid]:
+    """The same corrections in finer cells, zero where there are none, and means of any residuals there."""
+    cells, xy = coarse.cells.finer(parts), result.observations.image_points.xy[rows]
+    residual, chosen = result.groups[0].residual[rows], controlled(result.groups[0])[rows]
+    cell = cells.cell_of(xy)
+    count, total = (
+        np.stack([np.bincount(cell, own, cells.count) for own in (chosen * of).T], axis=1)
+        for of in (np.ones_like(residual), residual)
+    )
+    mean = np.where(count > 0, total, np.nan) / np.maximum(count, 1)
+    unknown = np.full_like(mean, np.nan)
+    value = coarse.cells.interpolate(coarse.value, cells.middles, interpolation)
+    return (
+        CorrectionField(cells, value),
+        ResidualGrid(cells, count.astype(np.int64), mean, unknown, unknown[:, 0]),
+    )
 
 
 def _strongest(root: Floats, imitated: Floats, least: float) -> Floats:

@@ -36,6 +36,7 @@ from adjust.selection.parameter_selection import without_priors_of_held
 from adjust.solve.gauss_newton import Progress
 from adjust.solve.system import Observations
 from tasks.block.residual_grid_file import read_corrections
+from tasks.block.within_cells import VariationWithin, variation_within
 from tasks.errors import InputError, NotComputableError
 from tasks.files.json_text import from_json
 from tasks.settings.residual_grid import ResidualGridSettings
@@ -59,12 +60,14 @@ class BlockGrids:
     grids : mean residuals that are left.
     fields : corrections of the image coordinates; None where there are none.
     iteration : how the corrections were found; None where they were not iterated.
+    within : image errors within the sub-areas; None where nothing was to be corrected.
     """
 
     result: AdjustmentResult
     grids: tuple[ResidualGrid | None, ...]
     fields: Fields
     iteration: GridIteration | None
+    within: tuple[VariationWithin | None, ...]
 
 
 def with_given_corrections(
@@ -126,8 +129,34 @@ def block_grids(
             raise NotComputableError(f"With corrections by mean residuals: {error}") from error
     residual, chosen = result.groups[0].residual, controlled(result.groups[0])
     grids = residual_grids(cells, block.camera_of_image, rays.image, rays.xy, residual, chosen)
-    errors = remaining_errors(result, fields, grids, block.camera_of_image, settings.interpolation)
-    return BlockGrids(with_correction_errors(result, errors), grids, fields, iteration)
+    # Where no correction was taken, what the means indicate is left all the same.
+    tried = fields if iteration is None else iteration.fields
+    errors = remaining_errors(result, tried, block.camera_of_image, settings.interpolation)
+    within = tuple(
+        None
+        if field is None
+        else variation_within(
+            number,
+            field.cells,
+            _finer(camera, _seams(camera, cameras), field.cells, int(count)),
+            result,
+            settings.interpolation,
+        )
+        for number, (camera, field, count) in enumerate(
+            zip(block.cameras, tried, _image_points(rays, block), strict=True)
+        )
+    )
+    return BlockGrids(with_correction_errors(result, errors), grids, fields, iteration, within)
+
+
+def _finer(
+    camera: FrameCamera, seams: Seams, cells: FormatCells, image_points: int
+) -> tuple[FormatCells, ...]:
+    """Up to three times as many sub-areas along a side, as far as there are image points for them."""
+    number, most = max(cells.columns, cells.rows), _number_of_cells(image_points)
+    least = max(number, len(seams.x), len(seams.y))
+    tried = {min(most, number * part // 2) for part in (3, 4, 6)}
+    return tuple(FormatCells.of(camera.half_format, more, seams) for more in sorted(tried) if more > least)
 
 
 def _image_points(rays: ImagePoints, block: Block) -> np.ndarray:
@@ -155,7 +184,7 @@ def _cells(
 def _cells_of(camera: FrameCamera, seams: Seams, count: int, number: int | None) -> FormatCells:
     tiles = max(len(seams.x), len(seams.y)) + 1
     if number is None:
-        number = max(tiles, int(np.clip(np.sqrt(count / _AIM_PER_CELL), 1, _MOST_CELLS)))
+        number = max(tiles, _number_of_cells(count))
     if number < tiles:
         raise InputError(
             f"{number} × {number} sub-areas are fewer than the CCD images of the camera.",
@@ -163,6 +192,11 @@ def _cells_of(camera: FrameCamera, seams: Seams, count: int, number: int | None)
             entity=f"camera {camera.name}",
         )
     return FormatCells.of(camera.half_format, number, seams)
+
+
+def _number_of_cells(count: int) -> int:
+    """As many along a side as image points allow."""
+    return int(np.clip(np.sqrt(count / _AIM_PER_CELL), 1, _MOST_CELLS))
 
 
 def _seams(camera: FrameCamera, cameras: pd.DataFrame) -> Seams:

@@ -27,6 +27,7 @@ from tasks.results.figures import (
     GridIterationFigure,
     GridStepFigure,
     ResidualGridFigure,
+    WithinCellsFigure,
 )
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION
@@ -73,10 +74,11 @@ def _rows(camera: str, component: int, name: str, own: Autocorrelation) -> pd.Da
 def residual_grid_figures(cameras: tuple[FrameCamera, ...], grids: BlockGrids, confidence: float) -> JSON:
     """The size of the mean residuals of each camera, and how corrections were found."""
     errors = grids.result.cofactor.corrections
-    sigmas = (None,) * len(cameras) if errors is None else errors.sigma
     rows = tuple(
-        _camera_figure(camera.name, grid, field, sigma, confidence)
-        for camera, grid, field, sigma in zip(cameras, grids.grids, grids.fields, sigmas, strict=True)
+        _camera_figure(cameras[number].name, grid, grids.fields[number], confidence).model_copy(
+            update=_left_figures(grids, number)
+        )
+        for number, grid in enumerate(grids.grids)
         if grid is not None
     )
     remaining = None if errors is None else _remaining_figure(grids.result)
@@ -101,8 +103,27 @@ def _remaining_figure(result: AdjustmentResult) -> CorrectionErrorsFigure:
     return figure.model_copy(update=largest)
 
 
+def _left_figures(grids: BlockGrids, camera: int) -> dict[str, object]:
+    """What corrections leave of the image errors of a camera."""
+    errors, variation = grids.result.cofactor.corrections, grids.within[camera]
+    sigma = None if errors is None else errors.sigma[camera]
+    within = None
+    if variation is not None:
+        within = WithinCellsFigure(
+            rms_um=variation.found.rms / _UM,
+            probability=variation.found.probability,
+            significant=variation.significant,
+            enough=variation.enough,
+        )
+    return {
+        "image_error_um": None if sigma is None else sigma / _UM,
+        "parts": None if errors is None else errors.parts[camera],
+        "within": within,
+    }
+
+
 def _camera_figure(
-    camera: str, grid: ResidualGrid, field: CorrectionField | None, sigma: float | None, confidence: float
+    camera: str, grid: ResidualGrid, field: CorrectionField | None, confidence: float
 ) -> CameraGridFigure:
     return CameraGridFigure(
         camera=camera,
@@ -119,7 +140,6 @@ def _camera_figure(
         noise_um=_pair(grid.noise),
         signal_um=_pair(grid.signal),
         correction_rms_um=None if field is None else _pair(field.rms),
-        image_error_um=None if sigma is None else sigma / _UM,
     )
 
 

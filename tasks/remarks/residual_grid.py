@@ -14,6 +14,7 @@ from tasks.results.figures import (
     CorrectionErrorsFigure,
     GridIterationFigure,
     ResidualGridFigure,
+    WithinCellsFigure,
 )
 
 # Chance makes the share of significant sub-areas scatter; beyond so many of its σ it is not chance.
@@ -24,6 +25,8 @@ _MUCH = 1.5
 _NEIGHBOURS_MM = 4.0
 # Weaker ones are of no consequence.
 _LEAST_CORRELATION = 0.05
+# So many times as large, standard deviations deserve a word where nothing was corrected.
+_LEAST_GROWTH = 1.05
 _REASONS = {
     "nothing_to_model": "chance alone explains the mean residuals",
     "cross_validation": "another correction would have increased the mean residuals of the images left out",
@@ -47,7 +50,7 @@ def residual_grid_sentences(grid: ResidualGridFigure, autocorrelation: pd.DataFr
     if grid.iteration is not None:
         yield _corrected(grid.iteration)
     if grid.remaining is not None:
-        yield _remaining(grid.remaining, grid.cameras)
+        yield from _remaining(grid.remaining, grid.cameras, grid.iteration)
         if grid.remaining.heights > _MUCH and grid.iteration is not None and grid.iteration.method == "means":
             yield (
                 "Corrections that are estimated through the normal equations usually leave much less: set "
@@ -59,6 +62,9 @@ def residual_grid_sentences(grid: ResidualGridFigure, autocorrelation: pd.DataFr
             "it is not computed what they leave of the image errors in the adjusted values."
         )
     of_camera = {figure.camera: figure for figure in grid.cameras}
+    for figure in grid.cameras:
+        if figure.within is not None and figure.within.significant:
+            yield _too_coarse(figure, figure.within)
     for camera in dict.fromkeys((*of_camera, *autocorrelation["camera"])):
         if camera in of_camera:
             yield from _systematic(of_camera[camera])
@@ -80,7 +86,12 @@ def _corrected(iteration: GridIterationFigure) -> str:
     )
 
 
-def _remaining(figure: CorrectionErrorsFigure, cameras: Iterable[CameraGridFigure]) -> str:
+def _remaining(
+    figure: CorrectionErrorsFigure, cameras: Iterable[CameraGridFigure], iteration: GridIterationFigure | None
+) -> Iterator[str]:
+    corrected = iteration is None or iteration.taken > 0
+    if not corrected and max(figure.heights, figure.factor or 1.0) < _LEAST_GROWTH:
+        return
     assumed = " and ".join(
         f"{camera.image_error_um:.1f} µm (camera {camera.camera})"
         for camera in cameras
@@ -90,10 +101,38 @@ def _remaining(figure: CorrectionErrorsFigure, cameras: Iterable[CameraGridFigur
     if figure.factor is not None:
         named = entity_words(figure.parameter, figure.entity)
         parameter = f"; of the parameters that of {named} has grown most: {figure.factor:.1f} times"
+    if corrected:
+        included = (
+            "The standard deviations include what the corrections by mean residuals leave in the adjusted "
+            f"values of image errors of {assumed}, which the mean residuals indicate"
+        )
+    else:
+        included = (
+            f"All mean residuals together indicate image errors of {assumed}, and the standard deviations "
+            "include what these do to the adjusted values"
+        )
+    yield (
+        f"{included}: those of heights of object points are {figure.heights:.1f} times as large as "
+        f"without{parameter}."
+    )
+
+
+def _too_coarse(grid: CameraGridFigure, within: WithinCellsFigure) -> str:
+    if within.enough is None:
+        remedy = (
+            "More sub-areas would have too few image points or change nothing: enter the seams between CCD "
+            "images (tiles of the camera), or estimate additional parameters."
+        )
+    else:
+        remedy = (
+            f"Within {within.enough} × {within.enough} sub-areas the residuals show no such errors: set "
+            f"adjustment.residual_grid.cells to {within.enough} where the corrections are computed."
+        )
+    contained = "" if (grid.parts or 1) > 1 else "The standard deviations do not include them. "
     return (
-        "The standard deviations include what the corrections by mean residuals leave in the adjusted values "
-        f"of image errors of {assumed}, which the mean residuals indicate: those of heights of object points "
-        f"are {figure.heights:.1f} times as large as without{parameter}."
+        f"The {grid.columns} × {grid.rows} sub-areas are too coarse for the image errors of camera "
+        f"{grid.camera}: within them the residuals show errors of {within.rms_um:.2f} µm (RMS), which no "
+        f"corrections of these sub-areas take away. {contained}{remedy}"
     )
 
 

@@ -142,8 +142,25 @@ class GridIterationFigure(Figure):
     cross_validation: tuple[CrossStepFigure, ...] = ()
 
 
+class WithinCellsFigure(Figure):
+    """Image errors that vary within the sub-areas of a camera, as residuals show them.
+
+    ``probability``: of as much by chance; ``enough``: number of sub-areas along a side within which residuals
+    show no more than chance, null where these are enough or none of those tried.
+    """
+
+    rms_um: float
+    probability: float
+    significant: bool
+    enough: int | None
+
+
 class CameraGridFigure(Figure):
-    """Mean residuals of a camera; pairs are x, y."""
+    """Mean residuals of a camera; pairs are x, y.
+
+    ``parts``: into how many the sides of the sub-areas were divided to see what corrections leave within
+    them; null where that was not computed. ``within`` is null where nothing was to be corrected.
+    """
 
     camera: str
     columns: int
@@ -160,6 +177,8 @@ class CameraGridFigure(Figure):
     signal_um: Values
     correction_rms_um: Values | None
     image_error_um: float | None = None
+    parts: int | None = None
+    within: WithinCellsFigure | None = None
 
 
 class CorrectionErrorsFigure(Figure):

@@ -132,6 +132,22 @@ def test_collocation_takes_more_than_the_means_away_in_one_step(run, report) -> 
     assert 'id="grid-iteration"' in report(*settings)
 
 
+def test_sub_areas_too_coarse_for_the_errors_are_named_with_the_number_that_is_enough(run) -> None:
+    figures = summary(run(f"{GRID}.iterations=3", f"{GRID}.cells=5"))
+    camera = figures["residual_grid"]["cameras"][0]
+    within = camera["within"]
+    assert within["significant"]
+    assert within["probability"] < 1e-4
+    assert 0.05 < within["rms_um"] < 1.0
+    assert 5 < (within["enough"] or 15) <= 15
+    # Errors within the sub-areas were looked for.
+    assert camera["parts"] > 1
+    (sentence,) = (problem for problem in figures["problems"] if "too coarse" in problem)
+    assert "The 5 × 5 sub-areas are too coarse for the image errors of camera" in sentence
+    # Nothing was to be corrected.
+    assert summary(run())["residual_grid"]["cameras"][0]["within"] is None
+
+
 def test_the_grid_of_another_run_is_applied_before_the_adjustment(run) -> None:
     first = run(f"{GRID}.iterations=4")
     file = first.directory / "residual_grid.parquet"

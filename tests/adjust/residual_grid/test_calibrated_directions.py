@@ -16,12 +16,10 @@ from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, INTERIOR_ORIENTATION
-from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.image_correction import corrected
 from adjust.residual_grid.iteration import iterate_grid
 from adjust.residual_grid.remaining_errors import remaining_errors, with_correction_errors
-from adjust.residual_grid.residual_grid import residual_grids
 from adjust.result import AdjustmentResult
 from adjust.result_columns import parameter_rows, sigma_of_points
 from adjust.simulate.block import SimulatedBlock, simulate_block
@@ -126,9 +124,7 @@ def ratios(errors: ImageErrorSpecification) -> tuple[Ratios, Ratios, Ratios]:
         rays = corrected(observations.image_points, fields, block.camera_of_image, "bilinear")
         exact = adjust_block(block, replace(observations, image_points=rays), ONE_THREAD)
         assert exact.test.sigma0 == pytest.approx(1.0, abs=0.08)
-        residual, chosen = exact.groups[0].residual, controlled(exact.groups[0])
-        grids = residual_grids((CELLS,), block.camera_of_image, rays.image, rays.xy, residual, chosen)
-        left = remaining_errors(exact, fields, grids, block.camera_of_image, "bilinear")
+        left = remaining_errors(exact, fields, block.camera_of_image, "bilinear")
         nothing = np.zeros((CELLS.count, 2))
         for own, result, correction in zip(
             found,

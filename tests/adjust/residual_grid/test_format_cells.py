@@ -146,3 +146,16 @@ def test_the_matrix_of_an_interpolation_does_the_same(
     for k in (0, 1):
         matrix = cells.interpolation_matrix(np.isfinite(values[:, k]), _places(), interpolation)
         np.testing.assert_allclose(matrix @ np.nan_to_num(values[:, k]), expected[:, k], atol=1e-14)
+
+
+def test_finer_cells_divide_every_cell_alike_and_keep_the_seams() -> None:
+    cells = FormatCells.of(HALF, 7, Seams((-0.013, 0.02), (0.001,)))
+    finer = cells.finer(3)
+    assert (finer.columns, finer.rows) == (21, 21)
+    np.testing.assert_allclose(finer.along_x.edges[::3], cells.along_x.edges, atol=1e-15)
+    height = cells.along_y.edges[1] - cells.along_y.edges[0]
+    np.testing.assert_allclose(np.diff(finer.along_y.edges[:4]), height / 3.0)
+    own = cells.cell_of(finer.middles)
+    np.testing.assert_array_equal(np.bincount(own), np.full(49, 9))
+    np.testing.assert_array_equal(finer.tile, cells.tile[own])
+    assert cells.finer(1).same_as(cells)

@@ -245,7 +245,7 @@ def corrections_of(block: Block) -> CorrectionErrors:
         *(scale * random.normal(size=size) for scale, size in zip(scales, sizes, strict=True))
     )
     families = errors_of_families(block.layout, errors.of_border)
-    return CorrectionErrors(errors, families, at, (1e-6,))
+    return CorrectionErrors(errors, families, at, (1e-6,), (1,))
 
 
 @pytest.mark.parametrize("corrected", [False, True])

@@ -39,6 +39,7 @@ from tasks.results.figures import (
     SharedMoments,
     TrustMapGrid,
     VarianceFigures,
+    WithinCellsFigure,
     figures_of,
 )
 from tasks.results.summary import CheckPointTest
@@ -387,6 +388,42 @@ def test_corrections_by_mean_residuals_say_whether_sigmas_contain_what_they_leav
     (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(), iteration=none), no_pairs)
     assert "not corrected" in sentence
     assert "exact" not in sentence
+
+
+def test_sub_areas_too_coarse_for_the_image_errors_are_named_with_what_to_do() -> None:
+    no_pairs = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
+    within = WithinCellsFigure(rms_um=0.124, probability=1e-9, significant=True, enough=18)
+    camera = CAMERA_GRID.model_copy(
+        update={"columns": 9, "rows": 9, "known": 81, "significant": 4, "within": within, "parts": 1}
+    )
+
+    def said(**update: object) -> str:
+        found = camera.model_copy(update=update)
+        (sentence,) = residual_grid_sentences(ResidualGridFigure(cameras=(found,)), no_pairs)
+        return sentence
+
+    assert "The 9 × 9 sub-areas are too coarse for the image errors of camera A" in said()
+    assert "errors of 0.12 µm (RMS)" in said()
+    assert "do not include them. Within 18 × 18 sub-areas the residuals show no such errors" in said()
+    assert said().endswith("set adjustment.residual_grid.cells to 18 where the corrections are computed.")
+    assert "do not include" not in said(parts=3)
+    assert "enter the seams" in said(within=within.model_copy(update={"enough": None}))
+    chance = camera.model_copy(update={"within": within.model_copy(update={"significant": False})})
+    assert not [*residual_grid_sentences(ResidualGridFigure(cameras=(chance,)), no_pairs)]
+
+
+def test_where_nothing_was_corrected_sigmas_that_grow_deserve_a_word() -> None:
+    no_pairs = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
+    step = GridStepFigure(number=0, sigma0=1.0, rms_um=0.1, noise_um=0.2)
+    iteration = GridIterationFigure(taken=0, reason="nothing_to_model", gain=0.0, steps=(step,))
+    camera = CAMERA_GRID.model_copy(update={"image_error_um": 1.6, "significant": 20})
+    figure = ResidualGridFigure(cameras=(camera,), iteration=iteration)
+    grown = figure.model_copy(update={"remaining": CorrectionErrorsFigure(heights=4.1)})
+    _, sentence, *_ = residual_grid_sentences(grown, no_pairs)
+    assert "indicate image errors of 1.6 µm (camera A), and the standard deviations include" in sentence
+    assert "are 4.1 times as large as without." in sentence
+    hardly = figure.model_copy(update={"remaining": CorrectionErrorsFigure(heights=1.01, factor=1.02)})
+    assert len([*residual_grid_sentences(hardly, no_pairs)]) == 1
 
 
 def test_figures_of_earlier_versions_are_read() -> None:
