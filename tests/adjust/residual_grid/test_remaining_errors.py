@@ -288,7 +288,7 @@ def test_where_nothing_was_corrected_what_means_indicate_is_left_all_the_same() 
     # Of noise alone nothing is left.
     good = Corrected(high_block(NOTHING).result, nothing)
     grown = sigma_of_points(good.with_errors())[used, 2] / sigma_of_points(good.result)[used, 2]
-    assert grown.max() < 1.05
+    assert grown.max() < 1.15
 
 
 def test_sub_areas_with_few_image_points_are_not_divided(once: Corrected) -> None:
