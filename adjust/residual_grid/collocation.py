@@ -20,7 +20,6 @@ from adjust.arrays import Ints
 from adjust.block import Block
 from adjust.one_thread import one_thread
 from adjust.options import AdjustmentOptions
-from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.cross_validation import CrossStep, ImageHalves
 from adjust.residual_grid.format_cells import FormatCells
 from adjust.residual_grid.image_correction import CorrectionField
@@ -29,7 +28,7 @@ from adjust.residual_grid.iteration import GridIteration, Reason, grid_step
 from adjust.residual_grid.mean_response import MeanResponse, known_cells
 from adjust.residual_grid.residual_grid import root_mean_square
 from adjust.result import AdjustmentResult
-from adjust.selection.readjustment import Readjusted, Readjustment
+from adjust.selection.readjustment import Readjusted
 
 # Evidence for a field that chance hardly gives: in 80 simulated blocks of noise it was below 9.
 _EVIDENCE = 12.0
@@ -59,10 +58,7 @@ def collocate(
     DatumDefectError, DivergenceError : as of ``adjust_block``.
     """
     rule, options = rule or GridRule(), options or AdjustmentOptions()
-    rays = result.groups[0]
-    readjustment = Readjustment.of(block, result, options)
-    sets = ImageSets(readjustment, controlled(rays), tuple(cells), grid_of_image, rule)
-    start = Readjusted(result.state, result.test.sigma0, rays.residual)
+    sets, start = ImageSets.of(block, result, cells, grid_of_image, rule, options), Readjusted.of(result)
     before = sets.means(start)
     tried = _tried_on_halves(result, sets, start) if rule.cross_validate else ()
     now, steps = _Corrected(_nothing(before), start, before), [grid_step(0, start, before)]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 from adjust.arrays import Bools, Ints
+from adjust.block import Block
+from adjust.options import AdjustmentOptions
 from adjust.parameters import State
+from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.format_cells import FormatCells, Interpolation
 from adjust.residual_grid.image_correction import CorrectionField, corrected
 from adjust.residual_grid.residual_grid import ResidualGrid, residual_grids
 from adjust.residual_grid.smoothing import Smoothing, smoothed
+from adjust.result import AdjustmentResult
 from adjust.selection.readjustment import Readjusted, Readjustment
 
 Fields = tuple[CorrectionField | None, ...]
@@ -54,6 +60,20 @@ class ImageSets:
     cells: tuple[FormatCells | None, ...]
     grid_of_image: Ints
     rule: GridRule
+
+    @classmethod
+    def of(
+        cls,
+        block: Block,
+        result: AdjustmentResult,
+        cells: Sequence[FormatCells | None],
+        grid_of_image: Ints,
+        rule: GridRule,
+        options: AdjustmentOptions,
+    ) -> Self:
+        """Of a block; its result says which residuals take part and how well they are controlled."""
+        readjustment = Readjustment.of(block, result, options)
+        return cls(readjustment, controlled(result.groups[0]), tuple(cells), grid_of_image, rule)
 
     def means(self, now: Readjusted) -> Grids:
         """Mean residuals of every set."""

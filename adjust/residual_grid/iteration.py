@@ -28,13 +28,12 @@ from adjust.arrays import Ints
 from adjust.block import Block
 from adjust.options import AdjustmentOptions
 from adjust.parameters import State
-from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.cross_validation import CrossStep, ImageHalves
 from adjust.residual_grid.format_cells import FormatCells
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.image_sets import Fields, GridRule, Grids, ImageSets
 from adjust.result import AdjustmentResult
-from adjust.selection.readjustment import Readjusted, Readjustment
+from adjust.selection.readjustment import Readjusted
 
 Reason = Literal["nothing_to_model", "cross_validation", "settled", "limit"]
 CorrectionMethod = Literal["means", "collocation"]
@@ -124,11 +123,9 @@ def iterate_grid(
     DatumDefectError, DivergenceError : as of ``adjust_block``.
     """
     rule, options = rule or GridRule(), options or AdjustmentOptions()
-    rays = result.groups[0]
-    readjustment = Readjustment.of(block, result, options)
-    sets = ImageSets(readjustment, controlled(rays), tuple(cells), grid_of_image, rule)
+    sets = ImageSets.of(block, result, cells, grid_of_image, rule, options)
     fields = start or tuple(None if own is None else CorrectionField.zero(own) for own in cells)
-    now = Readjusted(result.state, result.test.sigma0, rays.residual)
+    now = Readjusted.of(result)
     before = means = sets.means(now)
     halves = ImageHalves.of(sets, fields, now) if rule.cross_validate else None
     steps = [grid_step(0, now, means)]

@@ -37,6 +37,11 @@ class Readjusted:
     sigma0: float
     residual: Floats
 
+    @classmethod
+    def of(cls, result: AdjustmentResult) -> Self:
+        """Those of a complete adjustment."""
+        return cls(result.state, result.test.sigma0, result.groups[0].residual)
+
 
 @dataclass(frozen=True, eq=False)
 class Readjustment:
