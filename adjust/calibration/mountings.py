@@ -15,14 +15,16 @@ and look like a mounting. Heights never make a mounting: the height datum and th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
 from scipy import special
 
 from adjust.arrays import Bools, Floats, Ints
+from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.clusters import split_in_two
+from adjust.calibration.joint_strips import JointStrips
 from adjust.calibration.orientation_differences import MISALIGNMENT
 from adjust.calibration.outlying_strips import LEAST_STRIPS, outlying_strips
 from adjust.calibration.stable_offsets import TestedAxes, stable_offsets, tested_axes
@@ -76,8 +78,39 @@ class Mountings:
     lever_arms_comparable: bool
 
 
-def found_mountings(strips: StripMeans, rule: MountingRule) -> Mountings:
-    """Find the mountings of the strips."""
+def found_mountings(strips: StripMeans, rule: MountingRule, errors: StripErrors | None = None) -> Mountings:
+    """Find the mountings of the strips.
+
+    Parameters
+    ----------
+    errors : of the adjusted orientations of the strips; None: not known.
+    """
+    if errors is None or len(strips.strip) < LEAST_STRIPS:
+        return _searched(strips, rule)
+    mounting = np.zeros(len(strips.strip), dtype=np.int64)
+    for _ in range(_ROUNDS):
+        joint = JointStrips.of(strips, mounting, errors, rule.strip_sigma)
+        found = _searched(joint.less_explained(strips), rule)
+        before, mounting = mounting, found.mounting
+        if np.array_equal(before, mounting):
+            break
+    return replace(found, mounting=_confirmed(strips, mounting, errors, rule))
+
+
+def _confirmed(strips: StripMeans, mounting: Ints, errors: StripErrors, rule: MountingRule) -> Ints:
+    """The mountings (k,) without those that do not differ from the main one, the most alike first."""
+    each = rule.error_probability / (_SEARCHES * _TESTS)
+    while mounting.any():
+        joint = JointStrips.of(strips, mounting, errors, rule.strip_sigma)
+        chance, other = max((joint.differing(n, 0, rule.limits), n) for n in range(1, mounting.max() + 1))
+        if chance < each:
+            break
+        mounting = np.where(mounting == other, 0, mounting - (mounting > other))
+    return mounting
+
+
+def _searched(strips: StripMeans, rule: MountingRule) -> Mountings:
+    """The mountings by the scatter of the strips."""
     axes = tested_axes(strips)
     count = len(strips.strip)
     single = np.zeros(count, dtype=bool)

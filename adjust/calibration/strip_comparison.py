@@ -88,25 +88,42 @@ class StripComparison:
 
     def probabilities(self, one: int, other: int) -> Floats:
         """Of differences as large by chance (4,): roll, pitch, yaw, plan; NaN where the strips do not say."""
-        difference, covariance = self.differences(one, other)
-        found = np.full(4, np.nan)
-        for number, fit in enumerate(self.misalignment):
-            squares = _over(difference[number] ** 2, covariance[number, number])
-            found[number] = _probability(squares, 1, fit.freedom)
-        if np.isfinite(difference[3:]).all():
-            in_plan, spread = difference[3:], covariance[3:, 3:]
-            exact = not np.trace(spread) > 0.0
-            weighted = in_plan if exact else np.linalg.solve(spread, in_plan)
-            squares = _over(float(in_plan @ weighted), 0.0 if exact else 1.0)
-            found[3] = _probability(squares, 2, self.plan.freedom)
-        return found
+        return chances(*self.differences(one, other), self._freedom)
 
     def differing(self, one: int, other: int, limits: Floats) -> float:
         """The smallest probability of a component that differs by more than its limit (4,); 1: none does."""
-        difference, _ = self.differences(one, other)
-        sizes = np.append(np.abs(difference[:3]), np.linalg.norm(difference[3:]))
-        found = self.probabilities(one, other)
-        return float(np.min(found[(sizes > limits) & np.isfinite(found)], initial=1.0))
+        return least_chance(*self.differences(one, other), self._freedom, limits)
+
+    @property
+    def _freedom(self) -> Floats:
+        return np.array([float(fit.freedom) for fit in (*self.misalignment, self.plan)])
+
+
+def chances(difference: Floats, covariance: Floats, freedom: Floats) -> Floats:
+    """Probabilities (4,) of differences (5,) as large by chance: roll, pitch, yaw, plan; NaN where unknown.
+
+    Parameters
+    ----------
+    covariance, freedom : (5, 5), and the degrees of freedom (4,) of its variances.
+    """
+    found = np.full(4, np.nan)
+    for number in range(3):
+        squares = _over(difference[number] ** 2, covariance[number, number])
+        found[number] = _probability(squares, 1, freedom[number])
+    if np.isfinite(difference[3:]).all():
+        in_plan, spread = difference[3:], covariance[3:, 3:]
+        exact = not np.trace(spread) > 0.0
+        weighted = in_plan if exact else np.linalg.solve(spread, in_plan)
+        squares = _over(float(in_plan @ weighted), 0.0 if exact else 1.0)
+        found[3] = _probability(squares, 2, freedom[3])
+    return found
+
+
+def least_chance(difference: Floats, covariance: Floats, freedom: Floats, limits: Floats) -> float:
+    """The smallest of `chances` of a component that differs by more than its limit (4,); 1: none does."""
+    sizes = np.append(np.abs(difference[:3]), np.linalg.norm(difference[3:]))
+    found = chances(difference, covariance, freedom)
+    return float(np.min(found[(sizes > limits) & np.isfinite(found)], initial=1.0))
 
 
 def serial_increase(residual: Floats, flight: Ints) -> float:
@@ -125,5 +142,5 @@ def _over(squares: float, variance: float) -> float:
     return float(squares / variance) if variance > 0.0 else (np.inf if squares > 1e-24 else 0.0)
 
 
-def _probability(squares: float, number: int, freedom: int) -> float:
+def _probability(squares: float, number: int, freedom: float) -> float:
     return float(special.fdtrc(number, freedom, squares / number)) if freedom > 0 else float("nan")

@@ -122,7 +122,7 @@ def two_step_calibration(
         Then exposures are weighted by their covariances; else alike, as the errors of strips are averages.
     """
     strips = strip_means(differences)
-    mountings = found_mountings(strips, rule)
+    mountings = found_mountings(strips, rule, errors)
     row = np.searchsorted(strips.strip, differences.strip)
     mounting = mountings.mounting[row]
     groups = [_group("all", 0, -1, differences, strips, errors, np.ones(len(row), dtype=bool))]

@@ -27,6 +27,7 @@ ONE_THREAD = AdjustmentOptions(threads=1)
 #: Observations of GNSS and INS take no part in the first step.
 OBSERVED = ("gnss_positions", "ins_attitudes")
 EXPOSURES = 5
+FIVE_BY_FIVE = SurveyLayout("grid", columns=5, rows=5)
 INS_OF_STRIPS = replace(
     NOISE,
     ins=(np.deg2rad(0.001), np.deg2rad(0.001), np.deg2rad(0.002)),
@@ -57,10 +58,10 @@ class TwoStepFlight:
         return _differences(flown, state, self.pair_covariance)
 
 
-def two_step_flight(strips: int) -> TwoStepFlight:
+def two_step_flight(strips: int, survey: SurveyLayout = FIVE_BY_FIVE) -> TwoStepFlight:
     """A flight of so many strips of five images, half of them across the others.
 
-    Errors of GNSS (3 cm) and INS (0.003, 0.003, 0.006°) last as long as a strip; 25 control points.
+    Errors of GNSS (3 cm) and INS (0.003, 0.003, 0.006°) last as long as a strip.
     """
     base, spacing = base_of(CAMERA, HEIGHT, 0.6), spacing_of(CAMERA, HEIGHT, 0.6)
     lines = (EXPOSURES,) * (strips // 2)
@@ -70,7 +71,7 @@ def two_step_flight(strips: int) -> TwoStepFlight:
             LineGroup("N", "1", 0, 0.0, HEIGHT, lines, base, spacing),
         ),
         points=PointSpecification(count=40 * strips),
-        survey=(SurveyLayout("grid", columns=5, rows=5),),
+        survey=(survey,),
         noise=INS_OF_STRIPS,
         system=SystemSpecification(strip_bias=(0.03, 0.03, 0.03)),
     )
