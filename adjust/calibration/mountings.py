@@ -69,6 +69,7 @@ class Mountings:
     tested_axes : the axes in which most strips agree better.
     mounting : (k,) 0 for the mounting of most strips, 1, 2, … for others.
     lever_arms_comparable : whether headings tell a lever arm of a flight from its GNSS shift; True with one.
+    joint : all strips with these mountings; None where errors of the adjusted orientations are not known.
     """
 
     tested: bool
@@ -76,6 +77,7 @@ class Mountings:
     tested_axes: TestedAxes
     mounting: Ints
     lever_arms_comparable: bool
+    joint: JointStrips | None = None
 
 
 def found_mountings(strips: StripMeans, rule: MountingRule, errors: StripErrors | None = None) -> Mountings:
@@ -94,19 +96,22 @@ def found_mountings(strips: StripMeans, rule: MountingRule, errors: StripErrors 
         before, mounting = mounting, found.mounting
         if np.array_equal(before, mounting):
             break
-    return replace(found, mounting=_confirmed(strips, mounting, errors, rule))
+    mounting, joint = _confirmed(strips, mounting, errors, rule)
+    return replace(found, mounting=mounting, joint=joint)
 
 
-def _confirmed(strips: StripMeans, mounting: Ints, errors: StripErrors, rule: MountingRule) -> Ints:
+def _confirmed(
+    strips: StripMeans, mounting: Ints, errors: StripErrors, rule: MountingRule
+) -> tuple[Ints, JointStrips]:
     """The mountings (k,) without those that do not differ from the main one, the most alike first."""
     each = rule.error_probability / (_SEARCHES * _TESTS)
-    while mounting.any():
+    while True:
         joint = JointStrips.of(strips, mounting, errors, rule.strip_sigma)
-        chance, other = max((joint.differing(n, 0, rule.limits), n) for n in range(1, mounting.max() + 1))
-        if chance < each:
-            break
-        mounting = np.where(mounting == other, 0, mounting - (mounting > other))
-    return mounting
+        chances = [joint.differing(int(number), 0, rule.limits) for number in joint.mountings[1:]]
+        if max(chances, default=0.0) < each:
+            return mounting, joint
+        alike = int(joint.mountings[1 + np.argmax(chances)])
+        mounting = np.where(mounting == alike, 0, mounting - (mounting > alike))
 
 
 def _searched(strips: StripMeans, rule: MountingRule) -> Mountings:

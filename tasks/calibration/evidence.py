@@ -48,6 +48,7 @@ class Evidence:
     direct : figures of the direct-georeferencing check.
     gates : of the project.
     steps : comparison with the second step; None without one.
+    mountings : sentences about cameras that the second step finds flown with several mountings.
     """
 
     suspicions: tuple[str, ...]
@@ -57,6 +58,7 @@ class Evidence:
     direct: Mapping[str, Any]
     gates: tuple[GateResult, ...]
     steps: StepComparisonFigure | None
+    mountings: tuple[str, ...]
 
     def objections(self, limits: AcceptanceLimits) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Reasons to refuse the calibration, and restrictions, each the most serious first."""
@@ -73,6 +75,7 @@ class Evidence:
             *_of_priors(wrong, self.adjusted),
             *_of_check_points(self.direct, limits),
             *_of_steps(self.steps, limits),
+            *((False, sentence) for sentence in self.mountings),
             *_of_gates(self.gates),
         ]
         return (

@@ -101,8 +101,12 @@ def compared_steps(
     covariance += np.diag([sigma**2 for _, sigma in found])
     difference: Floats = np.array([item.difference for item, _ in found])
     chi_squared = float(difference @ np.linalg.solve(covariance, difference))
-    said = [_not_one(camera, own) for camera, own in of_cameras.items() if len(own) > 1]
-    return comparison([item for item, _ in found], chi_squared, said)
+    return comparison([item for item, _ in found], chi_squared, several_mountings(of_cameras))
+
+
+def several_mountings(mountings: Mapping[str, Mapping[int, int]]) -> tuple[str, ...]:
+    """A sentence for each camera whose images (see `images_of_mountings`) do not have one mounting."""
+    return tuple(_not_one(camera, own) for camera, own in mountings.items() if len(own) > 1)
 
 
 def _of_own_mounting(means: pd.DataFrame, mountings: Mapping[str, Mapping[int, int]]) -> pd.DataFrame:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from adjust.arrays import Floats
 from adjust.calibration.indicated_lever_arm import UNSTATED_SHIFT
 from adjust.calibration.orientation_differences import COMPONENTS
 from adjust.calibration.two_step import GroupMean, TwoStep
@@ -58,9 +59,7 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
     names = strip_names(item, result, group.number)
     shown = ", ".join(names[:_MOST_NAMES])
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    main = result.main.mean
-    difference = np.rad2deg(group.mean.robust[:3] - main.robust[:3])
-    sigma = np.rad2deg(np.hypot(group.sigma[:3], np.nan_to_num(result.main.sigma[:3])))
+    difference, sigma = _turned(result, group)
     angles = ", ".join(f"{value:+.4f}° ± {s:.4f}°" for value, s in zip(difference, sigma, strict=True))
     moved = ""
     if result.offset.tests["lever_arm_by_mounting"].probability < error_probability:
@@ -71,6 +70,19 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
         f"result (probability of finding another mounting by chance {100 * error_probability:g} %): give "
         "them a camera of their own."
     )
+
+
+def _turned(result: TwoStep, group: GroupMean) -> tuple[Floats, Floats]:
+    """Roll, pitch, yaw (3,) of a mounting less those of the main one, and their σ, degrees."""
+    joint, main = result.mountings.joint, result.main
+    if joint is None:
+        difference = group.mean.robust[:3] - main.mean.robust[:3]
+        sigma = np.hypot(group.sigma[:3], np.nan_to_num(main.sigma[:3]))
+    else:
+        # Both means have the errors of the block in common.
+        found, covariance = joint.differences(group.number, main.number)
+        difference, sigma = found[:3], np.sqrt(np.diagonal(covariance)[:3])
+    return np.rad2deg(difference), np.rad2deg(sigma)
 
 
 def _plan(group: GroupMean) -> str:

@@ -17,7 +17,7 @@ from tasks.calibration.evidence import Evidence
 from tasks.calibration.head_boresight import head_boresights
 from tasks.calibration.held_quantities import WithHeld, held_sigmas, with_held
 from tasks.calibration.pattern_words import direction_words, flights_by_height, height_words
-from tasks.calibration.two_step_comparison import compared_steps, images_of_mountings
+from tasks.calibration.two_step_comparison import compared_steps, images_of_mountings, several_mountings
 from tasks.calibration.verdicts import (
     REFUSED,
     RESTRICTED,
@@ -91,12 +91,12 @@ def describe_calibration(
     test = of_adjustment.global_test
     assert test is not None  # every adjustment has one
     known = _known(outputs, settings, limit_of_t(1.0 - test.confidence, redundancy))
-    steps = None
+    steps, mountings = None, dict[str, dict[int, int]]()
     if means is not None:
         mountings = images_of_mountings(read_table(outputs["orientation_differences"]), images)
         table, pairs = known.parameters, known.correlations
         steps = compared_steps(table, pairs, read_table(means), mountings)
-    evidence = _evidence(stages, outputs, of_adjustment, gates, steps)
+    evidence = _evidence(stages, outputs, of_adjustment, gates, steps, several_mountings(mountings))
     found = _found(known, images, cameras, evidence, settings, _held(releases))
     origin = Origin(
         project=name,
@@ -225,6 +225,7 @@ def _evidence(
     adjusted: AdjustmentFigures,
     gates: Gates,
     steps: StepComparisonFigure | None,
+    mountings: tuple[str, ...],
 ) -> Evidence:
     """The evidence found by other stages."""
     notes = [read_notes(one["notes"]) for one in stages if "notes" in one]
@@ -238,6 +239,7 @@ def _evidence(
         cast(Mapping[str, Any], direct),
         results,
         steps,
+        mountings,
     )
 
 

@@ -102,6 +102,7 @@ GOOD = Evidence(
     direct=DIRECT,
     gates=(GateResult(name="sigma0", value=1.0, limit=1.2, unit="1", passed=True),),
     steps=None,
+    mountings=(),
 )
 
 
@@ -198,6 +199,7 @@ def test_every_kind_of_evidence_refuses_by_itself(evidence: Evidence, words: str
         (component("prior:gnss_strip_bias", 1.6, 3.0), "σ of the priors of GNSS strip bias are too small"),
         (replace(GOOD, residuals=most_of_a_strip()), "5 of 7 GNSS positions of strip 00"),
         (replace(GOOD, residuals=contradicting("prior:gnss_strip_bias")), "contradict the flight"),
+        (replace(GOOD, mountings=("Camera C was not flown with one mounting.",)), "one mounting"),
     ],
 )
 def test_what_moves_nothing_by_much_restricts(evidence: Evidence, words: str) -> None:
