@@ -5,15 +5,15 @@ The offsets are those that the given lever arm leaves: a lever arm here is a cor
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.calibration.adjusted_strips import StripErrors
-from adjust.calibration.orientation_differences import MISALIGNMENT, SHIFT
+from adjust.calibration.orientation_differences import SHIFT
 from adjust.calibration.strip_means import StripMeans
 from adjust.calibration.strip_offsets import (
     NestedTest,
@@ -88,13 +88,11 @@ def separated_offset(
         "lever_arm_by_flight": nested_test(
             np.hstack([shifts, lever_arm]), np.hstack([shifts, body_fixed(heading, flight)]), offset, known
         ),
-        "lever_arm_by_mounting": _by_mounting(strips, mounting),
+        "lever_arm_by_mounting": _by_mounting(strips, mounting, errors),
     }
-    angles = strips.mean[:, MISALIGNMENT]
-    for name, column in zip(_ANGLES, angles.T, strict=True):
-        tests[f"{name}_by_flight"] = nested_test(membership(one), membership(flight), column[main])
-    for name, column in zip(_ANGLES, angles.T, strict=True):
-        tests[f"{name}_by_mounting"] = nested_test(membership(0 * mounting), membership(mounting), column)
+    tests |= {f"{name}_by_flight": test for name, test in _of_angles(strips, main, strips.flight, errors)}
+    every = np.ones_like(main)
+    tests |= {f"{name}_by_mounting": test for name, test in _of_angles(strips, every, mounting, errors)}
     fit = linear_fit(both, offset)
     sigma = np.sqrt(np.diagonal(fit.covariance(both, known)))
     separable = fit.freedom == len(offset) - 4
@@ -102,11 +100,22 @@ def separated_offset(
     return OffsetSeparation(_verdict(tests), tests, found[2:], sigmas[2:], found[:2], sigmas[:2], fit.freedom)
 
 
-def _by_mounting(strips: StripMeans, mounting: Ints) -> NestedTest:
+def _of_angles(
+    strips: StripMeans, chosen: Bools, group: Ints, errors: StripErrors | None
+) -> Iterator[tuple[str, NestedTest]]:
+    """Roll, pitch and yaw of the chosen strips (k,): one for each group against one for all."""
+    one, own = membership(0 * group[chosen]), membership(group[chosen])
+    for axis, name in enumerate(_ANGLES):
+        known = None if errors is None else errors.only(chosen).covariance[:, axis, :, axis]
+        yield name, nested_test(one, own, strips.mean[chosen, axis], known)
+
+
+def _by_mounting(strips: StripMeans, mounting: Ints, errors: StripErrors | None) -> NestedTest:
     offset = strips.mean[:, SHIFT][:, :2].ravel()
     shifts = map_fixed(strips.flight)
     common = np.hstack([shifts, body_fixed(strips.heading, 0 * mounting)])
-    return nested_test(common, np.hstack([shifts, body_fixed(strips.heading, mounting)]), offset)
+    known = None if errors is None else errors.in_plan()
+    return nested_test(common, np.hstack([shifts, body_fixed(strips.heading, mounting)]), offset, known)
 
 
 def _verdict(tests: Mapping[str, NestedTest]) -> Verdict:
