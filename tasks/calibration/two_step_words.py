@@ -59,11 +59,12 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
     names = strip_names(item, result, group.number)
     shown = ", ".join(names[:_MOST_NAMES])
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    difference, sigma = _turned(result, group)
-    angles = ", ".join(f"{value:+.4f}° ± {s:.4f}°" for value, s in zip(difference, sigma, strict=True))
-    moved = ""
+    difference, sigma = _differences(result, group)
+    turned = np.rad2deg([difference[:3], sigma[:3]]).T
+    angles = ", ".join(f"{value:+.4f}° ± {s:.4f}°" for value, s in turned)
+    moved, main = "", result.main.mean.robust[3:5]
     if result.offset.tests["lever_arm_by_mounting"].probability < error_probability:
-        moved = f"lever arm {_plan(group)} m forward, right, against {_plan(result.main)} m; "
+        moved = f"lever arm {_plan(main + difference[3:])} m forward, right, against {_plan(main)} m; "
     return (
         f"Strips {shown}{more} ({group.images:,} images) were flown with another mounting of camera "
         f"{item.camera}: {moved}boresight roll, pitch, yaw differ by {angles}. They are excluded from the "
@@ -72,21 +73,19 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
     )
 
 
-def _turned(result: TwoStep, group: GroupMean) -> tuple[Floats, Floats]:
-    """Roll, pitch, yaw (3,) of a mounting less those of the main one, and their σ, degrees."""
+def _differences(result: TwoStep, group: GroupMean) -> tuple[Floats, Floats]:
+    """Roll, pitch, yaw, forward, right (5,) of a mounting less those of the main one, and their σ."""
     joint, main = result.mountings.joint, result.main
     if joint is None:
-        difference = group.mean.robust[:3] - main.mean.robust[:3]
-        sigma = np.hypot(group.sigma[:3], np.nan_to_num(main.sigma[:3]))
-    else:
-        # Both means have the errors of the block in common.
-        found, covariance = joint.differences(group.number, main.number)
-        difference, sigma = found[:3], np.sqrt(np.diagonal(covariance)[:3])
-    return np.rad2deg(difference), np.rad2deg(sigma)
+        difference = group.mean.robust[:5] - main.mean.robust[:5]
+        return difference, np.hypot(group.sigma[:5], np.nan_to_num(main.sigma[:5]))
+    # Both means have the errors of the block in common.
+    difference, covariance = joint.differences(group.number, main.number)
+    return difference, np.sqrt(np.diagonal(covariance))
 
 
-def _plan(group: GroupMean) -> str:
-    forward, right = group.mean.robust[3:5]
+def _plan(lever_arm: Floats) -> str:
+    forward, right = lever_arm
     return f"({forward:+.2f}, {right:+.2f})"
 
 

@@ -1,4 +1,4 @@
-"""Other mountings in a block on three control points, whose tilt looks like one in every direction of flight."""
+"""Other mountings in a block on three control points: its tilt looks like one in every direction."""
 
 from __future__ import annotations
 
