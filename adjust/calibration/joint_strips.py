@@ -2,10 +2,11 @@
 
 All strips together show roll, pitch, yaw, east and north, y = X β + a + e. β are a misalignment and a lever
 arm of each mounting and a GNSS shift of each flight. Errors a of the adjusted orientations have the known
-joint covariance Q: on few control points the whole block is tilted or bent, which looks like another boresight in
-every direction of flight. Errors e of GNSS and INS have one variance for each of roll, pitch, yaw and
-plan, S, by which their squares become what is expected (restricted maximum likelihood, Patterson and Thompson
-1971). Then β by least squares with Q + S, and â = Q (Q + S)⁻¹ (y − X β) is what the block's errors explain.
+joint covariance Q: on few control points the whole block is tilted or bent, which looks like another
+boresight in every direction of flight. Errors e of GNSS and INS have one variance for each of roll, pitch,
+yaw and plan, S, by which their squares become what is expected (restricted maximum likelihood, Patterson and
+Thompson 1971). Then β by least squares with Q + S, and â = Q (Q + S)⁻¹ (y − X β) is what errors of the block
+explain.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ class JointStrips:
             factor = np.linalg.cholesky(known + np.diag(noise))
             whitened = np.linalg.solve(factor, design)
             fit = linear_fit(whitened, np.linalg.solve(factor, y))
-            # (Q + S)⁻¹ of the residuals, and its expected squares over σ0².
+            # P y and the diagonal of P = (Q + S)⁻¹ less what the unknowns take of it.
             inverse = np.linalg.inv(factor)
             left = inverse.T @ (inverse @ (y - design @ fit.solution))
             of_unknowns = inverse.T @ whitened

@@ -7,8 +7,8 @@ strip are compared alike. Flights may have no names: strips that fall apart into
 are, are divided (`clusters`). Single strips are found by the test of Rosner (1983). Each of the four has a
 quarter of the error probability.
 
-Where the errors of the adjusted orientations are known, what they explain is taken off before the searches, and
-what is found must be significant with the joint covariance of all strips (`joint_strips`).
+Where the errors of the adjusted orientations are known, what they explain is taken off before the searches,
+and what is found must be significant with the joint covariance of all strips (`joint_strips`).
 
 Significant is not enough. Between flights and clusters the difference must exceed what the calibration has to
 keep, for less would not change what is certified. Before and behind a strip, and of single strips, it must
