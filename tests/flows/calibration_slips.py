@@ -108,6 +108,7 @@ class Fate:
     alike : what is named as nearly the same as the likeliest.
     worst : largest error of a certified parameter, in its σ; NaN without one.
     errors : of all of them.
+    restrictions : of the verdict.
     """
 
     verdict: str
@@ -116,6 +117,7 @@ class Fate:
     alike: str = ""
     worst: float = float("nan")
     errors: tuple[float, ...] = field(default=())
+    restrictions: tuple[str, ...] = ()
 
 
 def flown(folder: Path, seed: int, *changes: str, geometry: str = "wide angle") -> Path:
@@ -164,7 +166,9 @@ def fate_of(outcome: RunOutcome, project: Path) -> Fate:
         if causes
         else ""
     )
-    return Fate(found["verdict"], tuple(found["reasons"]), first, alike, worst, errors)
+    return Fate(
+        found["verdict"], tuple(found["reasons"]), first, alike, worst, errors, tuple(found["restrictions"])
+    )
 
 
 def in_strips(pattern: str) -> Callable[[Table], pd.Series]:

@@ -98,6 +98,7 @@ def test_a_remounted_camera_with_a_name_of_its_own_has_its_own_calibration(tmp_p
     one = fate(delivered)
     assert one.verdict == "refused"
     assert one.first == "boresight flight 1"
+    assert any("not flown with one mounting" in restriction for restriction in one.restrictions)
     project = with_slip(tmp_path / "delivery", turned, tmp_path / "two") / "project.toml"
     before, _, rest = project.read_text().partition("[cameras.UCE-80]")
     camera, _, after = rest.partition("\n[")
