@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from adjust.calibration.orientation_differences import OrientationDifferences
 from adjust.calibration.two_step import two_step_calibration
@@ -48,3 +49,17 @@ def test_a_remounted_camera_is_found_in_a_block_that_is_tilted(
 ) -> None:
     """0.04°, about the σ of the tilt."""
     assert others(on_three_points, seed, 0.04) == [0, 1, 2, 6, 7, 8]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "survey", [NEARLY_IN_LINE, *(SurveyLayout("spread", count=count) for count in (3, 5, 20))]
+)
+def test_other_mountings_are_found_alike_on_few_control_points_and_on_many(survey: SurveyLayout) -> None:
+    """By chance in 1 % of the flights; at 0.05°, seventeen times the stated σ of a strip's mean, in most."""
+    flight, flights = two_step_flight(STRIPS, survey), 40
+    by_chance = sum(bool(others(flight, seed, 0.0)) for seed in range(flights))
+    found = [sum(bool(others(flight, seed, size)) for seed in range(flights)) for size in (0.02, 0.03, 0.05)]
+    print(len(survey.places) or survey.count, "points: by chance", by_chance, "at 0.02, 0.03, 0.05°", found)
+    assert by_chance <= stats.binom.ppf(0.999, flights, RULE.error_probability)
+    assert found[-1] >= 0.9 * flights
