@@ -10,8 +10,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,24 +25,10 @@ from flows.server.state_file import kept_password
 from tasks.production.records import Records
 from tests.ports import free_port
 from tests.service.stored_block import made_once
+from tests.waiting import until
 
 T = TypeVar("T")
 START_S = 200.0
-
-
-def until(
-    what: Callable[[], T],
-    seconds: float,
-    process: subprocess.Popen[bytes] | None = None,
-    pause_s: float = 0.2,
-) -> T:
-    """The first value of something that is true; fails when the time is over or the process has ended."""
-    end = time.monotonic() + seconds
-    while not (value := what()):
-        assert time.monotonic() < end, f"not within {seconds} s"
-        assert process is None or process.poll() is None, "the server has ended"
-        time.sleep(pause_s)
-    return value
 
 
 @dataclass
