@@ -7,7 +7,6 @@ y is upward as in our image system. ω, φ, κ turn as ours. The control points 
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,57 +36,6 @@ COLUMNS, ROWS = 2272, 1704
 PIXEL_MM = 5.43764 / ROWS
 FOCAL_LENGTH_MM = 7.3  # of the picture's header: DBAT's start, and ours
 CONTROL_SIGMA_M = 1e-8  # fixed: a thousandth of the last digit printed, and far below what the images know
-
-
-@dataclass(frozen=True)
-class Printed:
-    """A value and its standard deviation as the report prints them; '' where it prints none."""
-
-    value: str
-    deviation: str
-
-
-@dataclass(frozen=True)
-class Report:
-    """DBAT's report: figures by label, camera parameters and orientations by label."""
-
-    figures: dict[str, str]
-    camera: dict[str, Printed]
-    photos: tuple[dict[str, Printed], ...]
-
-
-def read_report(path: Path) -> Report:
-    """The report of one run."""
-    lines = [line.strip() for line in path.read_text().splitlines()]
-    figures = {
-        label: line.removeprefix(label).lstrip(": ").split()[0]
-        for label in ("Sigma0 (pixels)", "Redundancy", "Number of observations")
-        for line in lines
-        if line.startswith(label)
-    }
-    start = next(i for i, line in enumerate(lines) if line.startswith("Camera1"))
-    photos = [i for i, line in enumerate(lines) if re.match(r"Photo \d+:", line)]
-    end = next(i for i, line in enumerate(lines) if line == "Quality")
-    return Report(
-        figures,
-        _printed(lines[start : photos[0]]),
-        tuple(_printed(lines[i:j]) for i, j in zip(photos, [*photos[1:], end], strict=True)),
-    )
-
-
-def _printed(lines: list[str]) -> dict[str, Printed]:
-    """Labels, each with the value and the deviation on the lines after it."""
-    result: dict[str, Printed] = {}
-    label = ""
-    for line in lines:
-        key, _, rest = line.partition(":")
-        if key == "Value":
-            result[label] = Printed(rest.split()[0], "")
-        elif key == "Deviation":
-            result[label] = Printed(result[label].value, rest.split()[0])
-        else:
-            label = key.split(" - ")[0]
-    return result
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from adjust.geometry import rotation
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from tasks.calibration.record import CalibrationRecord
 from tests.flows.calibration_alone import calibration_alone
+from tests.golden.dbat import read_report
 from tests.golden.dbat_camcal import (
     COLUMNS,
     FOCAL_LENGTH_MM,
@@ -24,7 +25,6 @@ from tests.golden.dbat_camcal import (
     Network,
     block_of,
     read_network,
-    read_report,
 )
 
 EXPOSURES = """\

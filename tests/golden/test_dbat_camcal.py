@@ -30,15 +30,14 @@ from adjust.geometry import rotation
 from adjust.parameters import ADDITIONAL_PARAMETERS, INTERIOR_ORIENTATION
 from adjust.result import AdjustmentResult
 from adjust.solve.system import Observations
+from tests.golden.dbat import Report, read_report
 from tests.golden.dbat_camcal import (
     COLUMNS,
     PIXEL_MM,
     ROWS,
     Network,
-    Report,
     block_of,
     read_network,
-    read_report,
 )
 
 LENS = "brown_mm:K1-P2"
