@@ -9,7 +9,6 @@ DBAT's text files and reports are in its public repository, not with the other r
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,14 +119,6 @@ class Adjusted:
     printed: Report
     summary: dict
     tables: dict[str, pd.DataFrame]
-
-
-@pytest.fixture(scope="module")
-def dbat() -> Path:
-    folder = os.environ.get("AEROCAL_DBAT")
-    if not folder:
-        pytest.skip("a checkout of DBAT's repository is needed in AEROCAL_DBAT")
-    return Path(folder)
 
 
 @pytest.fixture(scope="module", params=CASES)
