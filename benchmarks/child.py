@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from benchmarks.contender import PEER, contender
+from benchmarks.contender import PEERS, contender
 from benchmarks.machine import REPOSITORY, peak_memory_mib
 from benchmarks.problem import Problem, Solution
 from flows.runs.freed_memory import keep_freed_memory
@@ -80,7 +80,7 @@ class Child:
 
 def main(name: str, problem: str, threads: str) -> None:
     """Serve the orders on the standard input until it ends."""
-    if name != PEER:
+    if name not in PEERS:
         keep_freed_memory()  # as every process of aerocal
     arrays = Problem.read(Path(problem))
     begin = time.perf_counter()

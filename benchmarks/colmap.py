@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pycolmap
 
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from benchmarks.problem import Problem, Solution
 
 # Camera frame of COLMAP (right, down, forward) from ours (right, up, backward).
@@ -48,18 +48,21 @@ class Peer:
         The reconstruction is there already: the peer's clock does not pay for the Python loops
         that fill it.
         """
+        return str(self._adjuster().solve().brief_report())
+
+    def _adjuster(self) -> pycolmap.CeresBundleAdjuster:
+        """The problem as the solver wants it."""
         config = pycolmap.BundleAdjustmentConfig()
         for image in range(1, len(self.problem.projection_centre) + 1):
             config.add_image(image)
         config.set_constant_cam_intrinsics(_CAMERA)
-        adjuster = pycolmap.create_pose_prior_ceres_bundle_adjuster(
+        return pycolmap.create_pose_prior_ceres_bundle_adjuster(
             _options(self.threads),
             pycolmap.PosePriorBundleAdjustmentOptions(),
             config,
             self.priors,
             self.reconstruction,
         )
-        return str(adjuster.solve().brief_report())
 
     def solution(self) -> Solution:
         """The present values in our conventions."""
@@ -73,6 +76,40 @@ class Peer:
             local_from_colmap @ _COLMAP_FROM_CAMERA,
             np.stack([self.reconstruction.point3D(j).xyz for j in points]),
         )
+
+
+class PeerWithCovariances(Peer):
+    """The same, with the joint covariances of all orientations after it."""
+
+    def run(self) -> str:
+        """As :meth:`Peer.run`; the peer's damping of singular problems is off."""
+        adjuster = self._adjuster()
+        report = str(adjuster.solve().brief_report())
+        options = pycolmap.BACovarianceOptions()
+        options.params = pycolmap.BACovarianceOptionsParams.POSES
+        options.damping = 0.0
+        found = pycolmap.estimate_ba_covariance(options, self.reconstruction, adjuster)
+        if found is None:
+            raise RuntimeError("the peer has found no covariances")
+        self.found = found
+        return report
+
+    def covariances(self, one: Ints, other: Ints) -> Floats:
+        """Joint covariances (k, 6, 6) of the orientations of images, of the last run, in our unknowns.
+
+        Ceres turns by exp(2 δ) on the left of the rotation that leads into the camera, and moves the
+        translation t = −R X0; both are turned and moved here as ours: R ← R exp(θ), X0.
+        """
+        images = range(1, len(self.problem.projection_centre) + 1)
+        ours = [_ours_by_theirs(self.reconstruction.image(i).cam_from_world().matrix()) for i in images]
+        found = self.found
+        blocks = [
+            ours[i] @ np.array(found.get_cam_cov_from_world(i + 1)) @ ours[i].T
+            if i == j
+            else ours[i] @ np.array(found.get_cam_cross_cov_from_world(i + 1, j + 1)) @ ours[j].T
+            for i, j in zip(one.tolist(), other.tolist(), strict=True)
+        ]
+        return np.stack(blocks)
 
 
 def _options(threads: int) -> pycolmap.BundleAdjustmentOptions:
@@ -92,6 +129,16 @@ def _options(threads: int) -> pycolmap.BundleAdjustmentOptions:
     options.ceres.solver_options.num_threads = threads
     options.ceres.solver_options.function_tolerance = 1e-8
     return options
+
+
+def _ours_by_theirs(camera_from_world: Floats) -> Floats:
+    """Derivatives (6, 6) of X0 and θ by δ and t: X0 = −Rᵀ t, and θ is −2 δ in our axes of the camera."""
+    rotation, (x, y, z) = camera_from_world[:, :3], camera_from_world[:, 3]
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    derivatives = np.zeros((6, 6))
+    derivatives[:3, :3], derivatives[:3, 3:] = -2.0 * rotation.T @ cross, -rotation.T
+    derivatives[3:, :3] = -2.0 * _COLMAP_FROM_CAMERA
+    return derivatives
 
 
 def _poses(values: Solution) -> list[pycolmap.Rigid3d]:

@@ -15,17 +15,23 @@ import numpy as np
 
 from adjust.adjustment import adjust_block
 from benchmarks.child import Child, Run
-from benchmarks.contender import CONTENDERS, ESTIMATE, PEER, STATISTICS
+from benchmarks.contender import CONTENDERS, ESTIMATE, PEER, PEER_COVARIANCES, STATISTICS
 from benchmarks.machine import machine
 from benchmarks.problem import Problem, Solution, block_of, cost
 from benchmarks.record import Record
 from benchmarks.workload import Workload, simulated
 
 _THREADS = 2
-_INCLUDED = {
-    ESTIMATE: "ours: arrays to adjusted values; peer: its problem from its own structures, solved",
-    STATISTICS: "ours: also marginal covariances of all exposures and points and all redundancy numbers; "
-    "peer: adjustment only",
+_ALL = "ours: also marginal covariances of all exposures and points and all redundancy numbers; peer: "
+#: What is compared, by the end of a record's name.
+_PAIRS = {
+    "": (
+        ESTIMATE,
+        PEER,
+        "ours: arrays to adjusted values; peer: its problem from its own structures, solved",
+    ),
+    "-statistics": (STATISTICS, PEER, f"{_ALL}adjustment only"),
+    "-covariances": (STATISTICS, PEER_COVARIANCES, f"{_ALL}also covariances of all orientations"),
 }
 
 
@@ -61,7 +67,7 @@ class Agreement:
 
 
 def compare(workload: Workload, runs: int) -> tuple[Record, ...]:
-    """Time all contenders on a workload; a record without and one with statistics.
+    """Time all contenders on a workload; records without statistics, with ours, and with both sides'.
 
     Every contender runs once untimed, then they take turns.
 
@@ -82,13 +88,15 @@ def compare(workload: Workload, runs: int) -> tuple[Record, ...]:
         problem = Problem.read(file)
         solutions = {name: child.solution(Path(folder) / f"{name}.npz") for name, child in children.items()}
         preparation_s = children[PEER].preparation_s
-    agreement = agreement_of(problem, solutions[ESTIMATE], solutions[PEER])
-    agreement.require()
-    agreement_of(problem, solutions[STATISTICS], solutions[PEER]).require()
-    return tuple(
-        _record(f"{workload.name}{suffix}", name, problem, done, agreement, preparation_s)
-        for name, suffix in ((ESTIMATE, ""), (STATISTICS, "-statistics"))
-    )
+    records = []
+    for suffix, (ours, peer, included) in _PAIRS.items():
+        agreement = agreement_of(problem, solutions[ours], solutions[peer])
+        agreement.require()
+        of_both = done[ours], done[peer]
+        records.append(
+            _record(f"{workload.name}{suffix}", included, problem, of_both, agreement, preparation_s)
+        )
+    return tuple(records)
 
 
 def simulate_into(workload: Workload, file: Path) -> None:
@@ -112,14 +120,15 @@ def agreement_of(problem: Problem, ours: Solution, peers: Solution) -> Agreement
 
 def _record(
     name: str,
-    ours: str,
+    included: str,
     problem: Problem,
-    done: dict[str, list[Run]],
+    done: tuple[list[Run], list[Run]],
     agreement: Agreement,
     peer_preparation_s: float,
 ) -> Record:
     """One line of the results."""
-    mine, theirs = ([run.seconds for run in done[side]] for side in (ours, PEER))
+    mine, theirs = ([run.seconds for run in runs] for runs in done)
+    (*_, our_last), (*_, peer_last) = done
     return Record(
         name=name,
         ours_s=median(mine),
@@ -133,14 +142,14 @@ def _record(
         images=len(problem.projection_centre),
         points=len(problem.object_point),
         image_points=len(problem.image),
-        peak_memory_mib=done[ours][-1].peak_memory_mib,
-        peer_peak_memory_mib=done[PEER][-1].peak_memory_mib,
+        peak_memory_mib=our_last.peak_memory_mib,
+        peer_peak_memory_mib=peer_last.peak_memory_mib,
         cost_difference=agreement.cost,
         position_difference_sigma=agreement.position_sigma,
-        included=_INCLUDED[ours],
+        included=included,
         peer=f"pycolmap {version('pycolmap')}, {_THREADS} threads, sparse Schur complement, "
         f"function tolerance 1e-8; filling its structures ({peer_preparation_s:.1f} s) not counted",
-        report=done[ours][-1].report,
-        peer_report=done[PEER][-1].report,
+        report=our_last.report,
+        peer_report=peer_last.report,
         machine=machine(),
     )

@@ -10,8 +10,9 @@ from adjust.options import AdjustmentOptions
 from benchmarks.problem import Problem, Solution, block_of, solution_of
 
 #: The names of the contenders, ours first; a process is started for each of them.
-ESTIMATE, STATISTICS, PEER = "estimate", "statistics", "colmap"
-CONTENDERS = (ESTIMATE, STATISTICS, PEER)
+ESTIMATE, STATISTICS = "estimate", "statistics"
+PEER, PEER_COVARIANCES = PEERS = "colmap", "colmap-covariances"
+CONTENDERS = (ESTIMATE, STATISTICS, *PEERS)
 
 
 class Contender(Protocol):
@@ -70,10 +71,17 @@ def _peer(problem: Problem, threads: int) -> Contender:
     return Peer(problem, threads)
 
 
+def _peer_with_covariances(problem: Problem, threads: int) -> Contender:
+    from benchmarks.colmap import PeerWithCovariances
+
+    return PeerWithCovariances(problem, threads)
+
+
 _MAKERS: dict[str, Callable[[Problem, int], Contender]] = {
     ESTIMATE: Estimate,
     STATISTICS: Statistics,
     PEER: _peer,
+    PEER_COVARIANCES: _peer_with_covariances,
 }
 
 

@@ -46,9 +46,9 @@ def test_the_peer_holds_the_same_block_with_the_same_cost() -> None:
 
 def test_a_comparison_times_both_sides_in_turn() -> None:
     pytest.importorskip("pycolmap", reason="the peer is an extra")
-    bare, complete = compare(TINY, runs=2)
-    assert (bare.name, complete.name) == ("tiny", "tiny-statistics")
-    for record in (bare, complete):
+    records = bare, complete, of_both = compare(TINY, runs=2)
+    assert [record.name for record in records] == ["tiny", "tiny-statistics", "tiny-covariances"]
+    for record in records:
         assert record.images == 18
         assert record.runs == 2
         assert record.peer_s is not None
@@ -56,7 +56,8 @@ def test_a_comparison_times_both_sides_in_turn() -> None:
         assert 0.0 < record.ours_min_s <= record.ours_s <= record.ours_max_s
         assert record.peak_memory_mib is not None
         assert record.peak_memory_mib > 50.0
-    assert bare.peer_s == complete.peer_s
+    assert bare.peer_s == complete.peer_s != of_both.peer_s
+    assert complete.ours_s == of_both.ours_s
 
 
 def test_solutions_that_differ_are_not_compared() -> None:
