@@ -27,11 +27,13 @@ class Peer:
     problem : the block.
     reconstruction, priors : the same in COLMAP's terms; images and points are numbered from 1.
     threads : of the solver.
+    free_camera : whether it estimates the camera, too.
     """
 
-    def __init__(self, problem: Problem, threads: int = 2) -> None:
+    def __init__(self, problem: Problem, threads: int = 2, free_camera: bool = False) -> None:
         self.problem = problem
         self.threads = threads
+        self.free_camera = free_camera
         self.reconstruction = _reconstruction(problem)
         self.priors = _priors(problem)
 
@@ -55,9 +57,10 @@ class Peer:
         config = pycolmap.BundleAdjustmentConfig()
         for image in range(1, len(self.problem.projection_centre) + 1):
             config.add_image(image)
-        config.set_constant_cam_intrinsics(_CAMERA)
+        if not self.free_camera:
+            config.set_constant_cam_intrinsics(_CAMERA)
         return pycolmap.create_pose_prior_ceres_bundle_adjuster(
-            _options(self.threads),
+            _options(self.threads, self.free_camera),
             pycolmap.PosePriorBundleAdjustmentOptions(),
             config,
             self.priors,
@@ -86,7 +89,8 @@ class PeerWithCovariances(Peer):
         adjuster = self._adjuster()
         report = str(adjuster.solve().brief_report())
         options = pycolmap.BACovarianceOptions()
-        options.params = pycolmap.BACovarianceOptionsParams.POSES
+        if not self.free_camera:
+            options.params = pycolmap.BACovarianceOptionsParams.POSES
         options.damping = 0.0
         found = pycolmap.estimate_ba_covariance(options, self.reconstruction, adjuster)
         if found is None:
@@ -112,16 +116,16 @@ class PeerWithCovariances(Peer):
         return np.stack(blocks)
 
 
-def _options(threads: int) -> pycolmap.BundleAdjustmentOptions:
-    """Least squares without a loss, interior orientation held, function tolerance 1e-8.
+def _options(threads: int, free_camera: bool) -> pycolmap.BundleAdjustmentOptions:
+    """Least squares without a loss, function tolerance 1e-8.
 
     Left to itself COLMAP takes an iterative solver for more than 1,000 images; the direct one is
     two to three times faster on these blocks, and the faster one is the one to compare with.
     """
     options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = False
-    options.refine_principal_point = False
-    options.refine_extra_params = False
+    options.refine_focal_length = free_camera
+    options.refine_principal_point = free_camera
+    options.refine_extra_params = free_camera
     options.print_summary = False
     options.ceres.auto_select_solver_type = False
     solver = options.ceres.solver_options

@@ -20,7 +20,7 @@ from adjust.camera.additional.register import AdditionalParameters
 
 @dataclass(frozen=True, eq=False)
 class SelfCalibration:
-    """Which additional parameters each image has.
+    """Which additional parameters each image has; :meth:`of` makes it from sets of either direction.
 
     Attributes
     ----------
@@ -28,12 +28,23 @@ class SelfCalibration:
     corrections : of each of the e entities (cameras, or cameras in one flight).
     entity_of_image : (n,) index into them.
     distortions : of each of them the forward sets, functions of directions; empty where none has any.
+
+    Raises
+    ------
+    ValueError : if one of the corrections is of forward direction.
     """
 
     names: tuple[str, ...]
     corrections: tuple[Correction, ...]
     entity_of_image: Ints
     distortions: tuple[Correction, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse a distortion in the place of a correction, which has another sign and another point."""
+        if any(isinstance(item, AdditionalParameters) and item.forward.any() for item in self.corrections):
+            raise ValueError(
+                "corrections: a set of forward direction is a distortion; use SelfCalibration.of"
+            )
 
     @classmethod
     def of(

@@ -15,6 +15,7 @@ from adjust.camera.additional.correction import (
 )
 from adjust.camera.additional.effect import effects, image_error_field
 from adjust.camera.additional.register import additional_parameters
+from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.camera.interior import FrameCamera
 from adjust.errors import AdditionalParametersError
 
@@ -145,3 +146,12 @@ def test_effect_and_image_error_are_those_of_the_distortion() -> None:
 def test_without_a_focal_length_it_cannot_be_used() -> None:
     with pytest.raises(AdditionalParametersError, match="focal length"):
         additional_parameters("brown-forward:k1", ImageFormat(0.03, 0.05))
+
+
+def test_a_distortion_is_not_taken_for_a_correction() -> None:
+    """It would be estimated with the other sign, at other points, and without a word."""
+    parameters = additional_parameters("brown-forward:k1-k2", FORMAT)
+    of_image = np.zeros(1, dtype=np.int64)
+    with pytest.raises(ValueError, match=r"use SelfCalibration\.of"):
+        SelfCalibration(parameters.names, (parameters,), of_image)
+    assert SelfCalibration.of(parameters.names, (parameters,), of_image).distortions
