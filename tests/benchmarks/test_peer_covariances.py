@@ -61,13 +61,14 @@ def test_a_self_calibration_is_that_of_ceres() -> None:
     peer = PeerWithCovariances(problem, free_camera=True)
     camera = peer.reconstruction.camera(1)
     camera.model, camera.params = pycolmap.CameraModelId.RADIAL, [*camera.params, 0.0, 0.0]
+    # It ends at 1e-8 of its cost, and goes on from there.
+    peer.run()
     peer.run()
     # Image coordinates of the peer are in units of their σ, y down.
     unit = problem.sigma_image[0]
     ours_by_theirs = np.diag([unit, unit, -unit, 1.0, 1.0])
     values = np.concatenate([state[INTERIOR_ORIENTATION][0], state[ADDITIONAL_PARAMETERS][0]])
-    # The peer ends at 1e-8 of its cost.
-    assert largest((values - ours_by_theirs @ camera.params) / sigma) < 3e-3
+    assert largest((values - ours_by_theirs @ camera.params) / sigma) < 2e-4
     theirs = ours_by_theirs @ peer.found.get_other_params_cov(camera.params) @ ours_by_theirs.T
     assert largest((cofactor - theirs) / np.outer(sigma, sigma)) < 1e-6
 
