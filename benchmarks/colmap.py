@@ -28,12 +28,16 @@ class Peer:
     reconstruction, priors : the same in COLMAP's terms; images and points are numbered from 1.
     threads : of the solver.
     free_camera : whether it estimates the camera, too.
+    tolerance : change of the cost, as a part of it, at which it ends.
     """
 
-    def __init__(self, problem: Problem, threads: int = 2, free_camera: bool = False) -> None:
+    def __init__(
+        self, problem: Problem, threads: int = 2, free_camera: bool = False, tolerance: float = 1e-8
+    ) -> None:
         self.problem = problem
         self.threads = threads
         self.free_camera = free_camera
+        self.tolerance = tolerance
         self.reconstruction = _reconstruction(problem)
         self.priors = _priors(problem)
 
@@ -60,12 +64,30 @@ class Peer:
         if not self.free_camera:
             config.set_constant_cam_intrinsics(_CAMERA)
         return pycolmap.create_pose_prior_ceres_bundle_adjuster(
-            _options(self.threads, self.free_camera),
+            self._options(),
             pycolmap.PosePriorBundleAdjustmentOptions(),
             config,
             self.priors,
             self.reconstruction,
         )
+
+    def _options(self) -> pycolmap.BundleAdjustmentOptions:
+        """Least squares without a loss.
+
+        Left to itself COLMAP takes an iterative solver for more than 1,000 images; the direct one is
+        two to three times faster on these blocks, and the faster one is the one to compare with.
+        """
+        options = pycolmap.BundleAdjustmentOptions()
+        options.refine_focal_length = self.free_camera
+        options.refine_principal_point = self.free_camera
+        options.refine_extra_params = self.free_camera
+        options.print_summary = False
+        options.ceres.auto_select_solver_type = False
+        solver = options.ceres.solver_options
+        solver.linear_solver_type = type(solver.linear_solver_type).SPARSE_SCHUR
+        solver.num_threads = self.threads
+        solver.function_tolerance = self.tolerance
+        return options
 
     def solution(self) -> Solution:
         """The present values in our conventions."""
@@ -114,25 +136,6 @@ class PeerWithCovariances(Peer):
             for i, j in zip(one.tolist(), other.tolist(), strict=True)
         ]
         return np.stack(blocks)
-
-
-def _options(threads: int, free_camera: bool) -> pycolmap.BundleAdjustmentOptions:
-    """Least squares without a loss, function tolerance 1e-8.
-
-    Left to itself COLMAP takes an iterative solver for more than 1,000 images; the direct one is
-    two to three times faster on these blocks, and the faster one is the one to compare with.
-    """
-    options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = free_camera
-    options.refine_principal_point = free_camera
-    options.refine_extra_params = free_camera
-    options.print_summary = False
-    options.ceres.auto_select_solver_type = False
-    solver = options.ceres.solver_options
-    solver.linear_solver_type = type(solver.linear_solver_type).SPARSE_SCHUR
-    options.ceres.solver_options.num_threads = threads
-    options.ceres.solver_options.function_tolerance = 1e-8
-    return options
 
 
 def _ours_by_theirs(camera_from_world: Floats) -> Floats:
