@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.parameters import INTERIOR_ORIENTATION, State
 from adjust.simulate.visibility import ImageGeometry, images_of_points
@@ -26,6 +26,12 @@ class GroundCells:
     x_in_local: Floats
     local_from_axes: Floats
     neighbour: Ints
+
+    def only(self, chosen: Bools) -> GroundCells:
+        """Some of the cells (m,); those whose neighbour is none of them have none."""
+        place = np.where(chosen, np.cumsum(chosen) - 1, -1)
+        neighbour = np.where(self.neighbour >= 0, place[self.neighbour], -1)
+        return GroundCells(self.x_in_local[chosen], self.local_from_axes[chosen], neighbour[chosen])
 
 
 @dataclass(frozen=True, eq=False)

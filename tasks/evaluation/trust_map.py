@@ -133,11 +133,13 @@ class MapCells:
         """Values (m, d) of all cells from those (k, d) of some: linear between them, else the nearest."""
         middle = self.x_in_map[chosen, :2].mean(axis=0)
         given, wanted = self.x_in_map[chosen, :2] - middle, self.x_in_map[:, :2] - middle
-        found = np.asarray(values[cKDTree(given).query(wanted)[1]], np.float64)
-        if len(chosen) < 3 or np.linalg.matrix_rank(given, tol=self.grid.cell) < 2:
-            return found
-        between = LinearNDInterpolator(given, values)(wanted)
-        return np.where(np.isfinite(between), between, found)
+        found = np.full((len(wanted), values.shape[1]), np.nan)
+        if len(chosen) >= 3 and np.linalg.matrix_rank(given, tol=self.grid.cell) == 2:
+            found = LinearNDInterpolator(given, values)(wanted)
+        beyond = ~np.isfinite(found).all(axis=1)
+        nearest = values[cKDTree(given).query(wanted[beyond])[1]]
+        found[beyond] = np.where(np.isfinite(found[beyond]), found[beyond], nearest)
+        return found
 
     def only(self, chosen: Bools) -> MapCells:
         """Some of the cells (m,)."""
@@ -236,11 +238,12 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
     if cells is None:
         return None
     result = adjusted.result
-    sight = sight_of(adjusted.block, result.state, cells.ground(adjusted))
-    cells, sight = _seen(cells, sight, result.block.rig)
-    if not len(cells.number):
-        return None
     ground = cells.ground(adjusted)
+    sight = sight_of(adjusted.block, result.state, ground)
+    seen = _seen(sight, result.block.rig)
+    if not seen.any():
+        return None
+    cells, ground, sight = cells.only(seen), ground.only(seen), sight.only(np.flatnonzero(seen))
     sigma = new_sigma(adjusted, settings)
     solution = joint_solution(result, sight)
     measurement = NewMeasurement(sigma, adjusted.sigma0)
@@ -248,9 +251,8 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
     accuracy = cell_accuracy(solution, ground, sight, measurement, *others)
     chosen = cells.spread(_SOLVED_FOR)
     errors = block_errors(solution, result, ground, sight, chosen)
-    everywhere = BlockErrors(
-        cells.interpolated(chosen, errors.of_orientation), cells.interpolated(chosen, errors.of_rays)
-    )
+    both = cells.interpolated(chosen, np.hstack([errors.of_orientation, errors.of_rays]))
+    everywhere = BlockErrors(both[:, :3], both[:, 3:])
     _write(folder, adjusted, cells, accuracy, everywhere)
     grid = cells.grid
     return TrustMapGrid(
@@ -275,10 +277,10 @@ def new_sigma(adjusted: AdjustedBlock, settings: TrustMapSettings) -> float:
     return float(np.median(adjusted.result.groups[0].sigma)) * adjusted.sigma0
 
 
-def _seen(cells: MapCells, sight: Sight, rig: Rig | None) -> tuple[MapCells, Sight]:
-    """The cells that at least two images see, of a rig those of two events."""
-    kept = sight.of_events(None if rig is None else rig.event_of_image).rays >= 2
-    return cells.only(kept), sight.only(np.flatnonzero(kept))
+def _seen(sight: Sight, rig: Rig | None) -> Bools:
+    """The cells (m,) that at least two images see, of a rig those of two events."""
+    rays: Ints = sight.of_events(None if rig is None else rig.event_of_image).rays
+    return rays >= 2
 
 
 def _write(

@@ -93,3 +93,14 @@ def test_points_that_lie_together_are_replaced_by_their_mean() -> None:
     found = _thinned(np.concatenate([alone[:1], together + around, alone[1:]]))
     expected = np.concatenate([alone[:1], together + around.mean(axis=0), alone[1:]])
     np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_beyond_the_chosen_cells_the_nearest_counts_also_for_what_is_not_finite() -> None:
+    of = cells(5, 5)
+    chosen = np.array([6, 8, 16, 18])
+    values = np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0], [4.0, np.inf]])
+    found = of.interpolated(chosen, values)
+    assert found[[0, 4, 20, 24]].tolist() == values.tolist()
+    assert found[12, 0] == pytest.approx(2.5)
+    assert np.isfinite(found[:, 0]).all()
+    assert set(found[[13, 17, 19, 23], 1]) <= {2.0, 3.0, np.inf}
