@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.fault, pytest.mark.timeout(3600)]
 
 NUMBER = 20
 #: What is wrong with two of them: file, what stands there, what is put there.
-_SLIPS = {7: ("exposures.csv", "omega", "course"), 13: ("project.toml", "max = 1.3", "max = 0.01")}
+_SLIPS = {7: ("exposures.csv", "omega", "course"), 13: ("project.toml", "min = 0.7, max = 1.3", "max = 0.01")}
 _EXPECTED = Counter({"Completed": NUMBER - len(_SLIPS), "InputError": 1, "GateFailed": 1})
 _DATED = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
 _WRONG = re.compile(r"\bERROR\b|\bCRITICAL\b|Traceback|database is locked|unexpected exception|deadlock")

@@ -20,7 +20,7 @@ NUMBER = 40
 _SLIPS = (
     ("exposures.csv", "omega", "course"),
     ("control.csv", "point,", "name,"),
-    ("project.toml", "max = 1.3", "max = 0.01"),
+    ("project.toml", "min = 0.7, max = 1.3", "max = 0.01"),
     ("image_points.csv", "1_001,", "9_001,"),
     ("project.toml", "version = 1", "version = 7"),
 )
