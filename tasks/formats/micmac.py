@@ -8,15 +8,17 @@
 | ``SetOfMesureAppuisFlottants`` | the one file | measurements of ground points, px |
 | ``DicoAppuisFlottant`` | the one file | ground points; an uncertainty that is not positive means an unknown coordinate |
 
-Where pixels count from is not published; they are taken from the corner (pixel_origin = "corner"). Distortion leads from the measured
-to the ideal point and is refitted as ``brown-forward``; a fit that misses it by more than 0.1 px is refused.
+Where pixels count from is not published; they are taken from the corner (pixel_origin = "corner"). Distortion leads from the ideal
+to the measured point, although the convention is named ``DistM2C``: so do the checks ``Verif`` that the program writes into orientations
+(seven published files, ``ModRad`` and ``ModPhgrStd`` with all its terms, to 1e-9 px). It is refitted as ``brown-forward``; a fit that
+misses it by more than 0.1 px is refused.
 """  # noqa: E501
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -52,11 +54,13 @@ from tasks.formats.xml_text import parsed_xml_content
 
 _HEAD, _TAIL = "Orientation-", ".xml"
 _CALIBRATION = "CalibrationInternConique"
-_WANTED = ("k1", "k2", "k3", "p1", "p2", "b1", "b2")
+_WANTED = ("k1", "k2", "k3", "k4", "p1", "p2", "b1", "b2")
 _POINTS_ACROSS = 31
 # Metres for a pixel: coefficients have no unit, but the fit looks for lengths of a camera.
 _PIXEL = 5e-6
 _MOST_MISSED_PX = 0.1
+# Steps from a measured to its ideal point: each leaves some per cent of what is missing.
+_STEPS = 50
 
 
 def read_micmac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -166,6 +170,10 @@ def _camera(path: Path, element: ElementTree.Element, name: str) -> PixelCamera:
         raise Location(path).error(
             "The calibration is not of the convention eConvApero_DistM2C.", "Leave it out."
         )
+    if element.find("OrIntGlob") is not None:
+        raise Location(path, entity=name).error(
+            "The calibration is not in pixels (<OrIntGlob>).", "Convert it in MicMac (ConvertCalib)."
+        )
     columns, rows = (int(value) for value in _numbers(path, element, "SzIm", 2, name))
     (c,) = _numbers(path, element, "F", 1, name)
     column, row = _numbers(path, element, "PP", 2, name)
@@ -173,17 +181,36 @@ def _camera(path: Path, element: ElementTree.Element, name: str) -> PixelCamera:
         raise Location(path, entity=name).error("A focal length or size is not positive.", "Correct it.")
     steps = [np.linspace(0.0, size, _POINTS_ACROSS) for size in (columns, rows)]
     measured = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
-    ideal = measured
-    for distortion in element.iter("CalibDistortion"):
-        ideal = ideal + _correction(path, distortion, measured, name)
+    ideal = _ideal(path, element, measured, name)
     down = np.array([1.0, -1.0])
     known = _as_brown(path, (measured - [column, row]) * down, (ideal - [column, row]) * down, c, name)
     return PixelCamera(columns, rows, c, (column - 0.5 * columns, 0.5 * rows - row), known)
 
 
-def _correction(path: Path, distortion: ElementTree.Element, measured: Floats, name: str) -> Floats:
-    """Ideal − measured (n, 2), pixels, y down."""
+def _ideal(path: Path, element: ElementTree.Element, measured: Floats, name: str) -> Floats:
+    """Ideal points (n, 2) of measured ones, pixels, y down; NaN where the distortion has none."""
+    distortions = element.findall("CalibDistortion")
+    if len(distortions) > 1:
+        raise Location(path, entity=name).error(
+            f"The calibration has {len(distortions)} distortions, one after the other.",
+            "Convert it in MicMac (ConvertCalib), or declare the camera in the project file.",
+        )
+    ideal = measured
+    for distortion in distortions:
+        bent = _distortion(path, distortion, name)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(_STEPS):
+                ideal = measured - bent(ideal)
+            missed = np.abs(ideal + bent(ideal) - measured).max(axis=1)
+        ideal = np.where(missed[:, None] < 0.1 * _MOST_MISSED_PX, ideal, np.nan)
+    return ideal
+
+
+def _distortion(path: Path, distortion: ElementTree.Element, name: str) -> Callable[[Floats], Floats]:
+    """Measured − ideal (n, 2) of ideal points, pixels, y down."""
     models = {child.tag: child for child in distortion if child.tag.startswith("Mod")}
+    if list(models) == ["ModNoDist"]:
+        return np.zeros_like
     whole = models.get("ModPhgrStd")
     radial = models.get("ModRad") if whole is None else whole.find("RadialePart")
     if len(models) != 1 or radial is None:
@@ -191,19 +218,23 @@ def _correction(path: Path, distortion: ElementTree.Element, measured: Floats, n
             f"The distortion is {', '.join(models) or 'missing'}; ModRad and ModPhgrStd are read.",
             "Convert the calibration in MicMac (ConvertCalib), or declare the camera in the project file.",
         )
-    x, y = (measured - _numbers(path, radial, "CDist", 2, name)).T
-    square, factor = x * x + y * y, np.zeros(len(x))
-    for power, item in enumerate(radial.findall("CoeffDist"), start=1):
-        factor += numbers_of(path, [(item.text or "").strip()], 1, 1, "CoeffDist")[0] * square**power
-    terms = {
-        key: 0.0 if whole is None or whole.find(key) is None else _numbers(path, whole, key, 1, name)[0]
+    centre = _numbers(path, radial, "CDist", 2, name)
+    words = [(item.text or "").strip() for item in radial.findall("CoeffDist")]
+    factors = numbers_of(path, words, len(words), 1, "CoeffDist")
+    p1, p2, b1, b2 = (
+        0.0 if whole is None or whole.find(key) is None else _numbers(path, whole, key, 1, name)[0]
         for key in ("P1", "P2", "b1", "b2")
-    }
-    across = terms["P1"] * (square + 2.0 * x * x) + terms["P2"] * 2.0 * x * y
-    along = terms["P2"] * (square + 2.0 * y * y) + terms["P1"] * 2.0 * x * y
-    return np.column_stack(
-        [x * factor + across + terms["b1"] * x + terms["b2"] * y, y * factor + along]
-    )  # fmt: skip
+    )
+
+    def bent(ideal: Floats) -> Floats:
+        x, y = (ideal - centre).T
+        square = x * x + y * y
+        factor = sum((one * square**power for power, one in enumerate(factors, start=1)), np.zeros_like(x))
+        across = p1 * (square + 2.0 * x * x) + p2 * 2.0 * x * y + b1 * x + b2 * y
+        along = p2 * (square + 2.0 * y * y) + p1 * 2.0 * x * y
+        return np.column_stack([x * factor + across, y * factor + along])
+
+    return bent
 
 
 def _as_brown(path: Path, measured: Floats, ideal: Floats, c: float, name: str) -> dict[str, float]:

@@ -96,7 +96,7 @@ ORIENTATION = """<?xml version="1.0" ?>
 </CodageMatr></ParamRotation></Externe></OrientationConique></ExportAPERO>"""
 CALIBRATION = """<ExportAPERO><CalibrationInternConique><KnownConv>eConvApero_DistM2C</KnownConv>
 <PP>51.5 39</PP><F>200</F><SzIm>100 80</SzIm><CalibDistortion><ModPhgrStd><RadialePart>
-<CDist>50 40</CDist><CoeffDist>1e-7</CoeffDist><CoeffDist>2e-13</CoeffDist></RadialePart>
+<CDist>50 40</CDist><CoeffDist>1e-5</CoeffDist><CoeffDist>2e-13</CoeffDist></RadialePart>
 <P1>1e-6</P1><P2>0</P2></ModPhgrStd></CalibDistortion></CalibrationInternConique></ExportAPERO>"""
 GROUND_POINTS = """<DicoAppuisFlottant><OneAppuisDAF><Pt>1.5 2.5 3.5</Pt><NamePt>G 1</NamePt>
 <Incertitude>0.02 0.02 -1</Incertitude></OneAppuisDAF></DicoAppuisFlottant>"""

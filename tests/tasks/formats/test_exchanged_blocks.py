@@ -45,7 +45,7 @@ def residuals_px(exposures, camera, points, objects, scale=None):
     u, v = x / -z, -y / -z
     known = {name.split(":")[1]: value for name, value in camera.additional_parameters.items()}
     square = u * u + v * v
-    radial = 1 + known.get("k1", 0) * square + known.get("k2", 0) * square**2 + known.get("k3", 0) * square**3
+    radial = 1 + sum(known.get(f"k{power}", 0.0) * square**power for power in (1, 2, 3, 4))
     p1, p2 = known.get("p1", 0), known.get("p2", 0)
     u, v = (
         u * radial + 2 * p1 * u * v + p2 * (square + 2 * u * u),

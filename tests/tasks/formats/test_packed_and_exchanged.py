@@ -242,24 +242,50 @@ def test_orientations_of_micmac_are_those_of_a_published_pair(tmp_path):
     assert found.position.tolist() == [[10.5, 20.25, 900.0]]
 
 
-def test_the_distortion_of_micmac_makes_the_same_points_ideal(tmp_path):
-    (camera,) = read_micmac_cameras(saved(tmp_path, small.CALIBRATION, "AutoCal.xml")).values()
+def test_the_distortion_of_micmac_leads_from_ideal_to_measured_points(tmp_path):
+    """As the checks `Verif` of published orientations, which MicMac itself computed, to 1e-9 px."""
+    text = small.CALIBRATION.replace("<P2>0</P2>", "<P2>-2e-6</P2><b1>1e-4</b1><b2>2e-4</b2>")
+    (camera,) = read_micmac_cameras(saved(tmp_path, text, "AutoCal.xml")).values()
     assert (camera.columns, camera.rows, camera.focal_length_px) == (100, 80, 200.0)
     assert camera.principal_point_px == (1.5, 1.0)
     values = {name.split(":")[1]: value for name, value in camera.additional_parameters.items()}
     image_format = ImageFormat(250e-6, 200e-6, focal_length=200 * 5e-6)
     wanted = additional_parameters("+".join(f"brown-forward:{name}" for name in values), image_format)
-    # A measured pixel, corrected by hand.
-    x, y = np.array([90.0, 12.0]) - [50.0, 40.0]
+    # An ideal pixel, distorted by hand.
+    x, y = np.array([88.0, 12.0]) - [50.0, 40.0]
     square = x * x + y * y
-    radial = 1e-7 * square + 2e-13 * square**2
-    ideal = [90.0 + x * radial + 1e-6 * (square + 2 * x * x), 12.0 + y * radial + 1e-6 * 2 * x * y]
-    target = (np.array(ideal) - [51.5, 39.0]) * [5e-6, -5e-6]
+    radial = 1e-5 * square + 2e-13 * square**2
+    measured = [
+        88.0 + x * radial + 1e-6 * (square + 2 * x * x) - 4e-6 * x * y + 1e-4 * x + 2e-4 * y,
+        12.0 + y * radial - 2e-6 * (square + 2 * y * y) + 2e-6 * x * y,
+    ]
+    target = (np.array([88.0, 12.0]) - [51.5, 39.0]) * [5e-6, -5e-6]
     known = np.array([values[name.split(":")[1]] for name in wanted.names])
-    measured, found = measured_from_ideal(wanted, known, target[None])
-    assert found.all()
-    back = measured[0] / [5e-6, -5e-6] + [51.5, 39.0]
-    np.testing.assert_allclose(back, [90.0, 12.0], atol=1e-3)
+    found, good = measured_from_ideal(wanted, known, target[None])
+    assert good.all()
+    back = found[0] / [5e-6, -5e-6] + [51.5, 39.0]
+    np.testing.assert_allclose(back, measured, atol=2e-3)
+    assert abs(measured[0] - 88.0) > 0.5
+
+
+@pytest.mark.parametrize(
+    ("there", "instead", "what"),
+    [
+        ("<PP>", "<OrIntGlob><C2M>true</C2M></OrIntGlob><PP>", "not in pixels"),
+        ("</CalibDistortion>", "</CalibDistortion><CalibDistortion><ModRad/></CalibDistortion>", "2 dist"),
+    ],
+)
+def test_another_calibration_of_micmac_is_refused(tmp_path, there, instead, what):
+    path = saved(tmp_path, small.CALIBRATION.replace(there, instead), "AutoCal.xml")
+    with pytest.raises(InputError, match=what):
+        read_micmac_cameras(path)
+
+
+def test_a_calibration_of_micmac_without_distortion_is_read(tmp_path):
+    head, tail = small.CALIBRATION.split("<ModPhgrStd>")
+    text = f"{head}<ModNoDist><Inutile/></ModNoDist>{tail.split('</ModPhgrStd>')[1]}"
+    (camera,) = read_micmac_cameras(saved(tmp_path, text, "AutoCal.xml")).values()
+    assert camera.additional_parameters == {}
 
 
 def test_homologous_points_of_pairs_become_tie_points(tmp_path):
