@@ -28,7 +28,8 @@ from tasks.formats.records import CameraRecord
 
 _BEGIN = re.compile(r"camera_calibration_file\s+(\S+)\s*")
 _SENSOR = re.compile(r"#\s*Focal Length.*sensor width of\s*(\S+?)x(\S+?)\s*mm\s*")
-_IMAGE = re.compile(r"#\s*Image size\s*(\d{1,6})x(\d{1,6})\s*pixel\s*", re.ASCII)
+# Some versions print the numbers of pixels with twenty decimals.
+_IMAGE = re.compile(r"#\s*Image size\s*(\d{1,6})(?:\.0*)?x(\d{1,6})(?:\.0*)?\s*pixel\s*", re.ASCII)
 _OFFSET = re.compile(r"#\s*Principal Point Offset xpoff ypoff in (mm \(Inpho\)|mm|pixel)\s*")
 _NUMBERS = {"FOCAL": 1, "SYM_DIST": 4, "DEC_DIST": 3}
 _SIBLING = "Pix4D camera calibration file"

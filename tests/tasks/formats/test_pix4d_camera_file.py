@@ -32,6 +32,13 @@ def test_it_is_the_camera_of_the_calibrated_parameters(tmp_path: Path) -> None:
         assert camera.additional_parameters[key] == pytest.approx(value)
 
 
+def test_the_size_of_the_image_may_be_printed_with_decimals(tmp_path: Path) -> None:
+    text = PIX4D_CAMERA_FILE.replace("100x80", "100.00000000000000000000x80.00000000000000000000")
+    assert text != PIX4D_CAMERA_FILE
+    (camera,) = read_pix4d_camera_file(written(tmp_path, text)).values()
+    assert (camera.columns, camera.rows) == (100, 80)
+
+
 def test_several_cameras_are_called_by_their_numbers(tmp_path: Path) -> None:
     again = PIX4D_CAMERA_FILE.replace("camera_calibration_file 0", "camera_calibration_file 1")
     cameras = read_pix4d_camera_file(
