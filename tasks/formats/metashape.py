@@ -6,11 +6,12 @@
 | ``camera/transform`` | camera (x right, y down, z forward) to chunk, row by row |
 | ``sensor`` and ``camera`` with ``master_id`` | heads and events of a rig (``metashape_rigs``) |
 | ``component/transform`` or ``chunk/transform`` | chunk to geocentric WGS 84: read as longitude, latitude, ellipsoidal height, angles against true north |
-| without such a transform | local coordinates |
-| ``marker/reference`` | coordinates of a marker, in the CRS of the markers |
+| without such a transform, or if it leads to a ``LOCAL_CS`` or into the earth | local coordinates |
+| ``marker/reference`` | coordinates of a marker and their accuracies (sx, sy, sz; sxy; sxyz), in the CRS of the markers |
 | ``marker/location`` with ``pinned="true"`` | a measurement, pixels from the corner; the others are computed |
 
-Its P1 and P2 are p2 and p1 of ``brown-forward``; B1 and B2 are b1 and b2 times f.
+Its P1 and P2 are p2 and p1 of ``brown-forward``; B1 and B2 are b1 and b2 times f. PhotoScan up to 1.2 had fx, fy, skew, cx and cy
+from the corner, and P1 and P2 in the order of OpenCV (manual of Agisoft Lens; a published project: 0.4 px).
 
 Metashape's OPK text: photo, X, Y, Z, ω, φ, κ in degrees and the rotation camera from ground, by tabs.
 
@@ -57,7 +58,14 @@ from tasks.formats.xml_text import parsed_xml
 
 # Terms of older versions, which later ones have no more.
 _UNREAD = ("p3", "p4", "skew")
-_LENS = {"k1": "k1", "k2": "k2", "k3": "k3", "k4": "k4", "p1": "p2", "p2": "p1"}
+_RADIAL = {"k1": "k1", "k2": "k2", "k3": "k3", "k4": "k4"}
+_LENS = {**_RADIAL, "p1": "p2", "p2": "p1"}
+# Of calibrations with fx.
+_OLD_LENS = {**_RADIAL, "p1": "p1", "p2": "p2"}
+_ACCURACIES = (("sx", "sxy", "sxyz"), ("sy", "sxy", "sxyz"), ("sz", "sxyz"))
+_LOCAL = ("LOCAL_CS", "ENGCRS", "ENGINEERINGCRS")
+# Metres from the middle of the earth: no camera is nearer.
+_ON_EARTH = 6.3e6
 
 
 def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -77,6 +85,7 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         if (similarity := _similarity(path, item.find("transform"))) is not None
     }
     of_chunk = _similarity(path, root.find(".//chunk/transform"))
+    reference = (root.findtext(".//chunk/reference") or "").strip()
     image, camera, to_earth = [], [], []
     pose, at = array("d"), array("q")
     for number, item in enumerate(root.iter("camera"), start=1):
@@ -104,10 +113,14 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
                 "Export one component of the chunk.",
             )
         turn = np.array([one[0] for one in earthly])
-        rotation, states = turn @ rotation, GEOGRAPHIC
+        rotation = turn @ rotation
         moved = np.array([one[2] for one in earthly])[:, None] * np.einsum("nij,nj->ni", turn, centre)
-        degrees_of_rotations(path, rotation, image, at)
-        centre, rotation = geographic_poses(moved + np.array([one[1] for one in earthly]), rotation)
+        centre = moved + np.array([one[1] for one in earthly])
+        inside = not reference and np.linalg.norm(centre, axis=1).max() < _ON_EARTH
+        if not (inside or reference.upper().startswith(_LOCAL)):
+            degrees_of_rotations(path, rotation, image, at)
+            centre, rotation = geographic_poses(centre, rotation)
+            states = GEOGRAPHIC
     angles = degrees_of_rotations(path, rotation, image, at)
     records = exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
     if not (found.heads or found.remarks):
@@ -187,17 +200,20 @@ def _sensor(
         for child in calibration
         if child.tag.lower() in (*_LENS, *_UNREAD, "cx", "cy", "b1", "b2", "fx")
     }
+    old = "fx" in given
+    shear = given.pop("skew", 0.0) if old else given.get("b2", 0.0)
     unread = [theirs for theirs in _UNREAD if given.get(theirs)]
     if unread:
         raise Location(path, entity=name).error(
             f"The calibration has {', '.join(unread)}, which is not read.",
             "Adjust the chunk without these terms, or declare the camera in the project file.",
         )
-    values = {ours: given.get(theirs, 0.0) for theirs, ours in _LENS.items()}
-    values["b1"] = given["fx"] / f - 1.0 if "fx" in given else given.get("b1", 0.0) / f
-    values["b2"] = given.get("b2", 0.0) / f
+    middle = (0.5 * columns, 0.5 * rows) if old else (0.0, 0.0)
+    values = {ours: given.get(theirs, 0.0) for theirs, ours in (_OLD_LENS if old else _LENS).items()}
+    values["b1"] = given["fx"] / f - 1.0 if old else given.get("b1", 0.0) / f
+    values["b2"] = shear / f
     distortion = {f"brown-forward:{key}": value for key, value in values.items() if value}
-    cx, cy = given.get("cx", 0.0), given.get("cy", 0.0)
+    cx, cy = (given.get(key, start) - start for key, start in zip(("cx", "cy"), middle, strict=True))
     camera = PixelCamera(columns, rows, f, (cx, 0.0 - cy), distortion)
     pixel = [one.get("value", "") for one in item.findall("property") if one.get("name") == "pixel_width"]
     return camera.with_pixel(1e3 * number_of(path, pixel[0], 1, "pixel_width")) if pixel else camera
@@ -221,7 +237,7 @@ def read_metashape_markers(path: Path) -> ControlRecords:
         If there are none, or numbers are missing.
     """
     point, role = [], []
-    position, at = array("d"), array("q")
+    position, sigma, at = array("d"), array("d"), array("q")
     for number, item in enumerate(parsed_xml(path).iter("marker"), start=1):
         reference = item.find("reference")
         if reference is None or "label" not in item.attrib or "x" not in reference.attrib:
@@ -229,11 +245,16 @@ def read_metashape_markers(path: Path) -> ControlRecords:
         values = [number_of(path, reference.get(axis, ""), number, f"its {axis}") for axis in "xyz"]
         point.append(item.attrib["label"])
         position.extend(values)
+        for keys in _ACCURACIES:
+            stated = [
+                number_of(path, reference.attrib[key], number, key) for key in keys if key in reference.attrib
+            ]
+            sigma.append(stated[0] if stated else np.nan)
         # A marker that is switched off in the reference pane is a check point there.
         role.append("check" if reference.get("enabled") in ("false", "0") else "control")
         at.append(number)
         item.clear()
-    return control_of(path, point, table_of(position, 3), at, role=role)
+    return control_of(path, point, table_of(position, 3), at, sigma=table_of(sigma, 3), role=role)
 
 
 def read_metashape_measurements(path: Path) -> ImagePointRecords:

@@ -472,6 +472,44 @@ def test_only_measurements_of_metashape_that_somebody_made_are_read(file):
     assert control.role.to_pylist() == ["control", "check"]
 
 
+def test_accuracies_of_markers_are_read_in_all_their_spellings(file):
+    text = MARKERS.replace('z="3"', 'z="3" sxy="0.02" sz="0.04"').replace('z="6"', 'z="6" sx="0.1" sy="0.2"')
+    sigma = metashape.read_metashape_markers(file(text)).sigma
+    np.testing.assert_array_equal(sigma, [[0.02, 0.02, 0.04], [0.1, 0.2, np.nan]])
+    sigma = metashape.read_metashape_markers(file(MARKERS.replace('z="3"', 'z="3" sxyz="0.5"'))).sigma
+    np.testing.assert_array_equal(sigma[0], [0.5, 0.5, 0.5])
+
+
+PHOTOSCAN = """\
+<document version="1.2.0"><chunks><chunk><sensors><sensor id="0" label="S" type="frame">
+<resolution width="100" height="80"/><calibration><fx>202</fx><fy>200</fy><cx>51.5</cx><cy>39</cy>
+<skew>0.5</skew><p1>0.001</p1><p2>0.002</p2></calibration></sensor></sensors><cameras>
+<camera id="0" sensor_id="0" label="a"><transform>1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1</transform></camera>
+</cameras><transform><rotation>0 1 0 1 0 0 0 0 -1</rotation><translation>1000000 110000 1910</translation>
+<scale>192</scale></transform></chunk></chunks></document>"""
+
+
+def test_a_calibration_of_photoscan_counts_from_the_corner_and_has_the_terms_of_opencv(file):
+    (camera,) = metashape.read_metashape_cameras(file(PHOTOSCAN)).values()
+    assert (camera.focal_length_px, camera.principal_point_px) == (200.0, (1.5, 1.0))
+    values = {key.split(":")[1]: value for key, value in camera.additional_parameters.items()}
+    assert values == pytest.approx({"p1": 0.001, "p2": 0.002, "b1": 0.01, "b2": 0.0025})
+    bare = PHOTOSCAN.replace("<cx>51.5</cx><cy>39</cy>", "")
+    (camera,) = metashape.read_metashape_cameras(file(bare)).values()
+    assert camera.principal_point_px == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("reference", ["", '<reference>LOCAL_CS["Local Coordinates (m)"]</reference>'])
+def test_a_transform_that_does_not_lead_to_the_earth_is_local(file, reference):
+    found = metashape.read_metashape_exposures(
+        file(PHOTOSCAN.replace("</chunk>", reference + "</chunk>")), "omega-phi-kappa"
+    )
+    assert (found.states.crs, found.states.reference) == ("local", None)
+    np.testing.assert_allclose(found.position, [[1_000_000.0, 110_192.0, 1910.0]])
+    # x right and y down of the image are north and east; it looks down.
+    np.testing.assert_allclose(found.angles, [[0.0, 0.0, 90.0]], atol=1e-9)
+
+
 def test_check_points_and_heights_that_are_not_known_in_a_gcp_list(file):
     text = (
         "EPSG:25832\n# remark\n500123.412 5300456.789 412.334 4012.6 3001.2 a.tif 2001\n"
