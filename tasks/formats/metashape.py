@@ -2,7 +2,7 @@
 
 | element | read |
 |---|---|
-| ``sensor/calibration`` (adjusted before initial) | f, cx, cy, distortion; in pixels, cx and cy from the middle of the image |
+| ``sensor/calibration`` (adjusted before initial), or a saved ``calibration`` on its own | f, cx, cy, distortion; in pixels, cx and cy from the middle of the image |
 | ``camera/transform`` | camera (x right, y down, z forward) to chunk, row by row |
 | ``sensor`` and ``camera`` with ``master_id`` | heads and events of a rig (``metashape_rigs``) |
 | ``component/transform`` or ``chunk/transform`` | chunk to geocentric WGS 84: read as longitude, latitude, ellipsoidal height, angles against true north |
@@ -151,7 +151,7 @@ def _sensor_names(root: ElementTree.Element) -> dict[str, str]:
 
 
 def read_metashape_cameras(path: Path) -> Mapping[str, CameraRecord | PixelCamera]:
-    """Read the cameras by the labels of their sensors.
+    """Read the cameras by the labels of their sensors; a saved calibration by the name of its file.
 
     Raises
     ------
@@ -159,6 +159,8 @@ def read_metashape_cameras(path: Path) -> Mapping[str, CameraRecord | PixelCamer
         If there is none, or numbers are missing.
     """
     root = parsed_xml(path)
+    if root.tag == "calibration":
+        return {path.stem: _sensor(path, root, root, path.stem)}
     names = _sensor_names(root)
     found: dict[str, CameraRecord | PixelCamera] = {}
     for item in root.iter("sensor"):
@@ -180,7 +182,7 @@ def read_metashape_cameras(path: Path) -> Mapping[str, CameraRecord | PixelCamer
 def _sensor(
     path: Path, item: ElementTree.Element, calibration: ElementTree.Element, name: str
 ) -> CameraRecord | PixelCamera:
-    kind = calibration.get("type") or item.get("type")
+    kind = calibration.get("type") or item.get("type") or calibration.findtext("projection")
     if kind not in (None, "frame"):
         raise Location(path, entity=name).error(
             f"The camera is of the type '{kind}', but only frame cameras are supported.", "Leave it out."
@@ -188,7 +190,8 @@ def _sensor(
     size = calibration.find("resolution")
     size = item.find("resolution") if size is None else size
     columns, rows = (
-        _whole(path, "" if size is None else size.get(key, ""), name) for key in ("width", "height")
+        _whole(path, (calibration.findtext(key) or "") if size is None else size.get(key, ""), name)
+        for key in ("width", "height")
     )
     f = number_of(path, calibration.findtext("f") or calibration.findtext("fy") or "", 1, f"f of {name}")
     if f <= 0.0:

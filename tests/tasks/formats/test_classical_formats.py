@@ -499,6 +499,19 @@ def test_a_calibration_of_photoscan_counts_from_the_corner_and_has_the_terms_of_
     assert camera.principal_point_px == (0.0, 0.0)
 
 
+def test_a_saved_calibration_of_metashape_is_a_camera_of_its_own(file):
+    text = """<?xml version="1.0" encoding="UTF-8"?><calibration><projection>frame</projection>
+    <width>100</width><height>80</height><f>200</f><cx>1.5</cx><cy>-2</cy><p1>0.001</p1>
+    <date>2022-05-25T13:33:33Z</date></calibration>"""
+    ((name, camera),) = metashape.read_metashape_cameras(file(text)).items()
+    assert name == "file"
+    assert (camera.columns, camera.rows, camera.focal_length_px) == (100, 80, 200.0)
+    assert camera.principal_point_px == (1.5, 2.0)
+    assert camera.additional_parameters == {"brown-forward:p2": 0.001}
+    fisheye = refused(metashape.read_metashape_cameras, file(text.replace("frame", "fisheye")))
+    assert "of the type 'fisheye'" in fisheye.what
+
+
 @pytest.mark.parametrize("reference", ["", '<reference>LOCAL_CS["Local Coordinates (m)"]</reference>'])
 def test_a_transform_that_does_not_lead_to_the_earth_is_local(file, reference):
     found = metashape.read_metashape_exposures(
