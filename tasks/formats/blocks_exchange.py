@@ -6,6 +6,7 @@
 | ``Photo/Pose`` | centre, rotation (nine elements world → camera, or ω, φ, κ) in the axes of ``CameraOrientation`` |
 | ``ControlPoint`` | position, category (horizontal or vertical points lack a coordinate), check point |
 | ``Measurement`` | of control and tie points: pixels, the centre of the first is 0, 0 |
+| ``SRSId`` | of a point, else of all points; of a group, else of the block |
 | ``SRS/Definition`` | ``ENU:latitude,longitude``: read as longitude, latitude, height; ``EPSG:…``: compared; none: local |
 
 Its P1, P2 are p2, p1 of ``brown-forward``. Photos without a complete pose are left out.
@@ -46,6 +47,7 @@ from tasks.formats.records import (
     PixelCamera,
 )
 from tasks.formats.xml_text import parsed_xml
+from tasks.plain_text import quoted
 
 _ENU = re.compile(r"ENU:\s*(-?\d+(?:\.\d+)?)\s*,\s*(-?\d+(?:\.\d+)?)$")
 _LENS = {"K1": "k1", "K2": "k2", "K3": "k3", "P1": "p2", "P2": "p1"}
@@ -71,6 +73,7 @@ def read_blocks_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     _require_one_camera_a_name(path, root)
     image, camera, at = [], [], []
     centre, rotation = array("d"), array("d")
+    of_block, systems = root.findtext(".//Block/SRSId"), set()
     for number, (name, group, photo) in enumerate(_photos(path, root), start=1):
         pose = photo.find("Pose")
         point, turn = (None, None) if pose is None else (pose.find("Center"), pose.find("Rotation"))
@@ -78,10 +81,11 @@ def read_blocks_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
             continue
         image.append(name)
         camera.append(group.findtext("Name"))
+        systems.add(group.findtext("SRSId") or of_block)
         centre.extend(_number(path, point, axis) for axis in "xyz")
         rotation.extend((_world_from_camera(path, turn) @ _camera_from_ours(path, group)).ravel().tolist())
         at.append(number)
-    crs, place = _reference(path, root, root.findtext(".//Block/SRSId"))
+    crs, place = _reference(path, root, _one_of("Photos", path, systems))
     # Its elements have been taken apart.
     root.clear()
     centres, rotations = table_of(centre, 3), table_of(rotation, 9).reshape(-1, 3, 3)
@@ -179,6 +183,7 @@ def read_blocks_control(path: Path) -> ControlRecords:
     """
     root = parsed_xml(path)
     point, position, role, sigma, at = [], [], [], [], []
+    of_list = root.findtext(".//ControlPoints/SRSId") or root.findtext(".//Block/SRSId")
     systems = set()
     for number, item in enumerate(root.iter("ControlPoint"), start=1):
         category = item.findtext("Category") or "Full"
@@ -202,11 +207,9 @@ def read_blocks_control(path: Path) -> ControlRecords:
         is_check = (item.findtext("CheckPoint") or "").strip().lower() in ("true", "1")
         role.append("check" if is_check else "control")
         sigma.append([plan, plan, height])
-        systems.add(item.findtext("SRSId"))
+        systems.add(item.findtext("SRSId") or of_list)
         at.append(number)
-    if len(systems) > 1:
-        raise Location(path).error("Control points are in several reference systems.", "Export them in one.")
-    crs, local_place = _reference(path, root, systems.pop() if systems else None)
+    crs, local_place = _reference(path, root, _one_of("Control points", path, systems))
     if local_place is None:
         states = FileStatement(crs=crs)
         return control_of(path, point, position, at, role=role, sigma=sigma, states=states)
@@ -233,6 +236,12 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
         If there are none, numbers are missing, or a photo is not in the file.
     """
     root = parsed_xml(path)
+    elsewhere = root.findtext(".//TiePoints/Path")
+    if elsewhere:
+        raise Location(path).error(
+            f"The tie points are in another file, {quoted(elsewhere)}.",
+            "Replace <Path> by the <TiePoint> elements of that file, or export the block with them.",
+        )
     images, photos = ImagesByName(path), dict[str | None, str]()
     for name, _, photo in _photos(path, root):
         number = photo.findtext("Id")
@@ -290,6 +299,13 @@ def _camera_from_ours(path: Path, group: ElementTree.Element) -> Floats:
         )
     x, y = _AXES[found.group(1)], _AXES[found.group(2)]
     return np.array([x, y, np.cross(x, y)])
+
+
+def _one_of(what: str, path: Path, systems: set[str | None]) -> str | None:
+    """The id of the reference system of all of them."""
+    if len(systems) > 1:
+        raise Location(path).error(f"{what} are in several reference systems.", "Export them in one.")
+    return next(iter(systems), None)
 
 
 def _reference(

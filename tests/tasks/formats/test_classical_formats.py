@@ -393,6 +393,30 @@ def test_a_block_in_our_axes_has_the_angles_that_stand_there(file):
     assert records.states.crs == "EPSG:32632"
 
 
+def test_a_reference_system_counts_for_all_that_states_no_other(file):
+    """As the makers describe it: a point, the list of points, the group or the block names it."""
+    other = "<SRS><Id>1</Id><Definition>EPSG:25833</Definition></SRS></SpatialReferenceSystems>"
+    text = BLOCKS.format(srs="EPSG:32632", axes="XRightYUp", rotation=ANGLES)
+    text = text.replace("</SpatialReferenceSystems>", other)
+    of_block = text.replace("<ControlPoint><SRSId>0</SRSId>", "<ControlPoint>")
+    of_list = of_block.replace("<ControlPoints>", "<ControlPoints><SRSId>1</SRSId>")
+    assert blocks_exchange.read_blocks_control(file(of_block)).states.crs == "EPSG:32632"
+    assert blocks_exchange.read_blocks_control(file(of_list)).states.crs == "EPSG:25833"
+    of_group = text.replace("<Photogroup>", "<Photogroup><SRSId>1</SRSId>")
+    assert blocks_exchange.read_blocks_exposures(file(of_group), ORDER).states.crs == "EPSG:25833"
+    group = of_group[of_group.index("<Photogroup>") : of_group.index("</Photogroups>")]
+    group = group.replace("<SRSId>1</SRSId>", "").replace(">UC<", ">D<").replace("a.tif", "c.tif")
+    two = file(of_group.replace("</Photogroups>", group + "</Photogroups>"))
+    assert "several reference systems" in refused(blocks_exchange.read_blocks_exposures, two, ORDER).what
+
+
+def test_tie_points_in_another_file_are_not_left_out_silently(file):
+    text = BLOCKS.format(srs="EPSG:32632", axes="XRightYUp", rotation=ANGLES)
+    head, tail = text.split("<TiePoints>")
+    path = file(f"{head}<TiePoints><Path>TiePoints.xml</Path></TiePoints>{tail.split('</TiePoints>')[1]}")
+    assert "'TiePoints.xml'" in refused(blocks_exchange.read_blocks_image_points, path).what
+
+
 @pytest.mark.parametrize(
     ("axes", "in_ours"),
     [
