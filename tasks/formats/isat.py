@@ -2,7 +2,7 @@
 
 Each entry stands between ``begin KIND NAME`` and ``end KIND``; a line is a keyword (with or without a colon)
 and its values. Orientations are X, Y, Z, ω, φ, κ in metres and degrees; other entries and keywords of
-``photo`` are named.
+``photo`` are named. A camera with ``photo_coord_sys_orientation`` is refused, as its codes are not published.
 """
 
 from __future__ import annotations
@@ -162,6 +162,7 @@ def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:
     found: dict[str, CameraRecord] = {}
     for entry in _entries(path, "camera_parameters"):
         _refuse_distortion(path, entry)
+        _refuse_turned(path, entry)
         (c,) = entry.numbers(path, "focal_length", 1, "the focal length")
         x0, y0 = entry.numbers(path, "ppac", 2, "the principal point")
         (pixel,) = entry.numbers(path, "pixel_size", 1, "the side of a pixel")
@@ -183,4 +184,17 @@ def _refuse_distortion(path: Path, entry: _Entry) -> None:
         raise Location(path, number, " ".join(entry.title)).error(
             "The camera has a table of radial distortion, which is not read.",
             "Declare the camera in the project file, with cameras.NAME.additional_parameters.",
+        )
+
+
+def _refuse_turned(path: Path, entry: _Entry) -> None:
+    """Refuse a camera that names its axes by a code, as Pix4D does: rows then come before columns."""
+    code = "photo_coord_sys_orientation"
+    if code in entry.values:
+        number, words = entry.values[code]
+        size = " and ".join(entry.values.get("image_size_in_pixels", (0, []))[1])
+        raise Location(path, number, " ".join(entry.title)).error(
+            f"The axes of the camera are those of {code} {' '.join(words)}, which is not read: its image has "
+            f"{size} pixels, in Pix4D's files rows and columns, and ppac may be turned.",
+            "Declare the camera in the project file, or read Pix4D's …_calibrated_camera_parameters.txt.",
         )

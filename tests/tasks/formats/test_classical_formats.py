@@ -318,6 +318,19 @@ def test_a_distortion_table_of_isat_is_refused(file):
     assert isat.read_isat_cameras(file(text.replace("flag: on", "flag: off")))["C"].pixel_um == 5.0
 
 
+def test_a_camera_of_isat_that_is_turned_against_its_image_is_refused(file):
+    """Pix4D writes rows before columns, and this code for the axes; what other codes mean is not published."""
+    text = (
+        "begin camera_parameters D_15.0_4608x3456 (RGB)(1)\n focal_length: 15\n ppac: 0.03 -0.02\n"
+        " pixel_size: 3.8 3.8\n image_size_in_pixels: 3456 4608\n scanline_orientation: 4\n"
+        " photo_coord_sys_orientation: 1\nend camera_parameters\n"
+    )
+    error = refused(isat.read_isat_cameras, file(text))
+    assert "photo_coord_sys_orientation 1" in error.what
+    assert "3456 and 4608" in error.what
+    assert error.line == 7
+
+
 def test_calibrated_parameters_of_pix4d(file):
     text = (
         "imageName X Y Z Omega Phi Kappa\nIMG 1.JPG 500123.41201 5300456.789 2430.12 0.0123 -0.2231 89.7654\n"
