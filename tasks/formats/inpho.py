@@ -2,7 +2,7 @@
 
 | block | read |
 |---|---|
-| ``$CAMERA``, ``$CAMERA_DEFINITION`` | focal length, principal point (mm), size, pixels per mm; distortion only if it is zero |
+| ``$CAMERA`` (named by ``$TYPE``), ``$CAMERA_DEFINITION`` | focal length, principal point (mm), size, pixels per mm; distortion only if it is zero |
 | ``$PHOTO`` | name, camera, ``$EXT_ORI``: c, X0, Y0, Z0 and the rotation camera from ground, row by row |
 | ``$PHOTO_POINTS`` of a photo | id, column, row: pixels, the centre of the first is 0, 0 |
 | ``$CONTROL_POINTS`` | id, X, Y, Z |
@@ -53,6 +53,8 @@ _READ = ("PROJECT", "PHOTO", "CONTROL_POINTS", *_CAMERAS)
 # What would count if it is on, or not zero.
 _SWITCHES = ("CURV_CORR_DEFAULT", "REFRACT_CORR_DEFAULT")
 _UNITS = {"LINEAR_UNITS_OF_OBJECT": "m", "LINEAR_UNITS_OF_IMAGE": "mm", "ANGULAR_UNITS": "deg"}
+# Of the shorter side of the image.
+_MOST_OFF_CENTRE = 0.05
 _MOUNTING = ("GPS_ANTENNA_OFFSET", "CAMERA_MOUNT_ROTATION", "INS_BORESIGHT_ALIGNMENT")
 
 
@@ -267,7 +269,7 @@ def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:
     found: dict[str, CameraRecord] = {}
     for block in _blocks(path):
         if block.name in _CAMERAS:
-            name = block.name_of(path, "ID", "CAMERA_ID")
+            name = block.name_of(path, "ID", "CAMERA_ID", "TYPE")
             take_camera(path, found, name, _camera(path, _calibrated(block)))
     if not found:
         raise Location(path).error("There is no camera in the file.", "Declare it in the project file.")
@@ -291,8 +293,11 @@ def _camera(path: Path, block: _Block) -> CameraRecord:
     (rows,) = block.numbers(path, "CCD_ROWS", 1, "the number of rows")
     to_pixel = block.numbers(path, "CCD_INTERIOR_ORIENTATION", 6, "the six numbers from mm to pixels")
     a, b, column, d, e, row = to_pixel
-    straight = a > 0.0 and abs(b) + abs(d) <= 1e-9 * a and abs(a + e) <= 1e-6 * a
-    centred = abs(column - 0.5 * (columns - 1)) <= 1.0 and abs(row - 0.5 * (rows - 1)) <= 1.0
+    side = 0.5 * (a - e)
+    # Of the sides of a pixel, and of the middle: what no reader notices, and what no swapped image has.
+    straight = a > 0.0 and abs(b) + abs(d) <= 1e-9 * a and abs(a + e) * max(columns, rows) <= 0.1 * a
+    off = (column - 0.5 * (columns - 1), 0.5 * (rows - 1) - row)
+    centred = max(map(abs, off)) <= _MOST_OFF_CENTRE * min(columns, rows)
     if not (straight and centred and columns.is_integer() and rows.is_integer()):
         raise Location(path, block.line).error(
             "The interior orientation of this camera is not x right, y up from the middle of the image with "
@@ -301,10 +306,8 @@ def _camera(path: Path, block: _Block) -> CameraRecord:
         )
     _refuse_distortion(path, block)
     # The interior orientation may count from elsewhere than the middle: that is a principal point, too.
-    shift = ((column - 0.5 * (columns - 1)) / a, (0.5 * (rows - 1) - row) / a)
-    return CameraRecord(
-        int(columns), int(rows), round(1e3 / a, 9), c, (round(x0 + shift[0], 9), round(y0 + shift[1], 9))
-    )
+    point = (round(x0 + off[0] / side, 9), round(y0 + off[1] / side, 9))
+    return CameraRecord(int(columns), int(rows), round(1e3 / side, 9), c, point)
 
 
 def _refuse_distortion(path: Path, block: _Block) -> None:

@@ -276,6 +276,32 @@ def test_a_project_of_inpho_that_was_cut_off_is_refused(file):
     )
 
 
+def test_a_camera_of_an_older_inpho_project_is_called_by_its_type(file):
+    """A published project has such a block: 5 pixels beside the middle, sides of a pixel 5e-6 apart."""
+    text = """\
+$CAMERA
+  $TYPE : iXU_(50mm)
+  $KIND : CCDFrame
+  $CCD_INTERIOR_ORIENTATION :
+     217.3924 -0.0 5798.5
+       0.0 -217.3914 4358.0
+  $CCD_COLUMNS : 11608
+  $CCD_ROWS : 8708
+  $PIXEL_REFERENCE : CenterTopLeft
+  $FOCAL_LENGTH : 51.7
+  $PRINCIPAL_POINT_PPA : 0.0 0.0
+$END
+"""
+    ((name, camera),) = inpho.read_inpho_cameras(file(text)).items()
+    assert name == "iXU_(50mm)"
+    assert camera.pixel_um == pytest.approx(1e3 / 217.3919)
+    assert camera.principal_point_mm == pytest.approx((-5.0 / 217.3919, -4.5 / 217.3919))
+    far = refused(inpho.read_inpho_cameras, file(text.replace("5798.5", "4353.5")))
+    assert "the interior orientation" in far.what.lower()
+    oblong = refused(inpho.read_inpho_cameras, file(text.replace("-217.3914", "-217.4")))
+    assert "square pixels" in oblong.what
+
+
 ISAT = """\
 begin photo_parameters 1_0001\tstrip_id 1
  camera_name: DMC2_27
@@ -319,7 +345,7 @@ def test_a_distortion_table_of_isat_is_refused(file):
 
 
 def test_a_camera_of_isat_that_is_turned_against_its_image_is_refused(file):
-    """Pix4D writes rows before columns, and this code for the axes; what other codes mean is not published."""
+    """Pix4D writes rows before columns, and this code for the axes; the codes are not published."""
     text = (
         "begin camera_parameters D_15.0_4608x3456 (RGB)(1)\n focal_length: 15\n ppac: 0.03 -0.02\n"
         " pixel_size: 3.8 3.8\n image_size_in_pixels: 3456 4608\n scanline_orientation: 4\n"
