@@ -53,6 +53,8 @@ _READ = ("PROJECT", "PHOTO", "CONTROL_POINTS", *_CAMERAS)
 # What would count if it is on, or not zero.
 _SWITCHES = ("CURV_CORR_DEFAULT", "REFRACT_CORR_DEFAULT")
 _UNITS = {"LINEAR_UNITS_OF_OBJECT": "m", "LINEAR_UNITS_OF_IMAGE": "mm", "ANGULAR_UNITS": "deg"}
+# A pixel outside of the image: measurements end at its edge.
+_FIRST_PIXEL = -1.5
 # Of the shorter side of the image.
 _MOST_OFF_CENTRE = 0.05
 _MOUNTING = ("GPS_ANTENNA_OFFSET", "CAMERA_MOUNT_ROTATION", "INS_BORESIGHT_ALIGNMENT")
@@ -210,7 +212,7 @@ def read_inpho_image_points(path: Path) -> ImagePointRecords:
     Raises
     ------
     InputError
-        With file and line: no points, numbers missing.
+        With file and line: no points, numbers missing, points that are not pixels.
     """
     image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
     for block in _blocks(path):
@@ -223,7 +225,15 @@ def read_inpho_image_points(path: Path) -> ImagePointRecords:
             point.append(words[0])
             xy.extend(numbers_of(path, words[1:], 2, number, "column and row"))
             at.append(number)
-    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
+    table = table_of(xy, 2)
+    outside = np.flatnonzero((table < _FIRST_PIXEL).any(axis=1))
+    if len(outside):
+        x, y = table[outside[0]]
+        raise Location(path, at[outside[0]]).error(
+            f"The points are not pixels from the first one on: here is one at ({x:g}, {y:g}).",
+            "Points of scanned film are in mm from the middle: export them as PATB, and declare the unit.",
+        )
+    return image_points_of(path, image.column(), point.column(), table, at)
 
 
 def read_inpho_control(path: Path) -> ControlRecords:

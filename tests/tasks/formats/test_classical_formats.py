@@ -302,6 +302,17 @@ $END
     assert "square pixels" in oblong.what
 
 
+def test_points_of_an_inpho_project_that_are_no_pixels_are_refused(file):
+    """A public reader of a film project divides them by the size of a pixel: mm from the middle."""
+    text = (
+        "$PHOTO\n $PHOTO_NUM : a\n $PHOTO_POINTS :\n  p 12.5 -0.4\n  q -34.2 12.1 1 2\n $END_POINTS\n$END\n"
+    )
+    error = refused(inpho.read_inpho_image_points, file(text))
+    assert "(-34.2, 12.1)" in error.what
+    assert error.line == 5
+    assert inpho.read_inpho_image_points(file(text.replace("-34.2", "34.2"))).xy[0].tolist() == [12.5, -0.4]
+
+
 ISAT = """\
 begin photo_parameters 1_0001\tstrip_id 1
  camera_name: DMC2_27
