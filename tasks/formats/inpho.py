@@ -49,7 +49,9 @@ _BLANK = re.compile(r"(?<!\\)\s+")
 # Lines of control points that are in memory together.
 _TOGETHER = 10_000
 _CAMERAS = ("CAMERA", "CAMERA_DEFINITION")
-_READ = ("PROJECT", "PHOTO", "CONTROL_POINTS", *_CAMERAS)
+_CALIBRATION = "CALIBRATION_SET"
+_SYSTEMS = ("PROJECT", "COORDINATE_SYSTEM_SET")
+_READ = (*_SYSTEMS, "PHOTO", "CONTROL_POINTS", *_CAMERAS)
 # What would count if it is on, or not zero.
 _SWITCHES = ("CURV_CORR_DEFAULT", "REFRACT_CORR_DEFAULT")
 _UNITS = {"LINEAR_UNITS_OF_OBJECT": "m", "LINEAR_UNITS_OF_IMAGE": "mm", "ANGULAR_UNITS": "deg"}
@@ -102,27 +104,21 @@ def _blocks(path: Path) -> Iterator[_Block]:
         value, opened = (_KEY.match(line), _BLOCK.match(line)) if "$" in line else (None, None)
         if value is not None and stack:
             key = value.group(1).upper()
-            stack[-1].values.setdefault(key, [])
             text = value.group(2).strip()
+            # A camera has one name: another one begins the next of its calibrations.
+            again = key == "ID" and stack[-1].name in _CAMERAS and key in stack[-1].values
+            if again or (key == _CALIBRATION and not text):
+                stack.append(_Block(_CALIBRATION, number))
+            if key == _CALIBRATION and not text:
+                continue
+            stack[-1].values.setdefault(key, [])
         elif opened is not None and value is None:
-            name = opened.group(1).upper()
-            ends_list = name.startswith("END_") and (not stack or name[4:] != stack[-1].name)
-            if name.startswith("END") and (name in ("END", "ENDNAV") or not ends_list):
-                key = ""
-                if stack:
-                    closed = stack.pop()
-                    if stack:
-                        stack[-1].inner.append(closed)
-                    else:
-                        yield closed
-            elif name == "END_POINTS" and stack and stack[-1].name == "CONTROL_POINTS":
-                yield stack.pop()
-                key = ""
-            elif ends_list:
-                key = ""
-            else:
+            name, key = opened.group(1).upper(), ""
+            closed = _close(stack, _kept(stack, name, outmost=not line[0].isspace()))
+            if closed is not None:
+                yield closed
+            if not name.startswith("END"):
                 stack.append(_Block(name, number))
-                key = ""
             continue
         if stack and text:
             words = text.split()
@@ -139,6 +135,28 @@ def _blocks(path: Path) -> Iterator[_Block]:
         )
 
 
+def _kept(stack: list[_Block], name: str, *, outmost: bool) -> int:
+    """How many blocks are still open after a line ``$NAME``; outmost: it begins in the first column."""
+    if name == "END" or not name.startswith("END"):
+        # What begins in the first column ends what is open, and $END within a block a part of it at most.
+        inside = max(1, len(stack) - 1) if name == "END" else len(stack)
+        return 0 if outmost else min(inside, len(stack))
+    of = name.removeprefix("END").removeprefix("_")
+    # END_COORDINATE_SYSTEM ends COORDINATE_SYSTEM_SET, END_POINTS CONTROL_POINTS; others end lists.
+    ends = bool(stack) and (stack[-1].name.startswith(of) or stack[-1].name.endswith(of))
+    return len(stack) - ends
+
+
+def _close(stack: list[_Block], keep: int) -> _Block | None:
+    """Close all open blocks but so many; the outmost one, if it is among them."""
+    while len(stack) > keep:
+        closed = stack.pop()
+        if not stack:
+            return closed
+        stack[-1].inner.append(closed)
+    return None
+
+
 def read_inpho_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     """Read the photos that have an exterior orientation.
 
@@ -152,8 +170,8 @@ def read_inpho_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     rest = NotTaken()
     for block in _blocks(path):
         rest.add(_not_taken(block))
-        if block.name == "PROJECT":
-            crs = _well_known_text(block)
+        if block.name in _SYSTEMS:
+            crs = _well_known_text(block) or crs
         if block.name != "PHOTO" or "EXT_ORI" not in block.values:
             continue
         # The first words may be time and date of the orientation, in the line of the key itself.
@@ -203,7 +221,9 @@ def _is_given(number: str) -> bool:
 
 def _well_known_text(block: _Block) -> str | None:
     text = " ".join(block.words("COORDINATE_SYSTEM"))
-    return text if text.startswith(WELL_KNOWN) else None
+    # Of a set of several it is not known which one counts.
+    only = len(block.values.get("ID", [])) < 2
+    return text if only and text.startswith(WELL_KNOWN) else None
 
 
 def read_inpho_image_points(path: Path) -> ImagePointRecords:
@@ -249,8 +269,8 @@ def read_inpho_control(path: Path) -> ControlRecords:
     crs = None
     rest = NotTaken()
     for block in _blocks(path):
-        if block.name == "PROJECT":
-            crs = _well_known_text(block)
+        if block.name in _SYSTEMS:
+            crs = _well_known_text(block) or crs
         if block.name != "CONTROL_POINTS":
             continue
         for one in block.inner:
@@ -288,7 +308,7 @@ def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:
 
 def _calibrated(block: _Block) -> _Block:
     """The camera with the values of its active calibration."""
-    sets = [one for one in block.inner if one.name == "CALIBRATION_SET"]
+    sets = [one for one in block.inner if one.name == _CALIBRATION]
     active = block.words("ACTIVE_CALIBRATION")
     chosen = next((one for one in sets if one.words("ID") == active), sets[-1] if sets else None)
     if chosen is None:

@@ -302,6 +302,70 @@ $END
     assert "square pixels" in oblong.what
 
 
+INPHO_15 = """\
+$PROJECT 15.0.0
+  $ANGULAR_UNITS : deg
+$END
+$COORDINATE_SYSTEM_SET
+  $ID : UTM 32
+  $COORDINATE_SYSTEM : PROJCS["UTM32",AUTHORITY["EPSG","25832"]]
+$END_COORDINATE_SYSTEM
+$CAMERA_DEFINITION
+  $ID : LE
+  $CCD_COLUMNS : 101
+  $CCD_ROWS : 81
+  $ACTIVE_CALIBRATION : 2
+  $CALIBRATION_SET :
+    $ID : 1
+    $CCD_INTERIOR_ORIENTATION :
+      10 0 50
+      0 -10 40
+    $FOCAL_LENGTH : 123
+    $PRINCIPAL_POINT_PPA : 0 0
+    $END
+    $ID : 2
+    $CCD_INTERIOR_ORIENTATION :
+      10 0 50
+      0 -10 40
+    $FOCAL_LENGTH : 124
+    $PRINCIPAL_POINT_PPA : 0 0
+    $END
+  $END
+$END
+$PHOTO
+  $PHOTO_NUM : LE_01
+  $CAMERA_ID : LE
+  $EXT_ORI : 12:00:00 01/01/2026
+    124 380000 5680000 1000
+    1 0 0
+    0 1 0
+    0 0 1
+$END
+$MULTIHEADSYSTEM
+  $HEAD_DATASET :
+    $ID : 1
+    $HEADS :
+      LE 1 left LE
+    $END_HEADS
+  $END
+$END
+"""
+
+
+def test_calibrations_and_systems_of_a_newer_inpho_project_are_read(file):
+    """As two public programs read and fill such projects; theirs ends the set of systems by this name."""
+    ((name, camera),) = inpho.read_inpho_cameras(file(INPHO_15)).items()
+    assert (name, camera.focal_length_mm) == ("LE", 124.0)
+    found = inpho.read_inpho_exposures(file(INPHO_15), ORDER)
+    assert found.image.to_pylist() == ["LE_01"]
+    assert found.camera.to_pylist() == ["LE"]
+    assert found.states.crs == 'PROJCS["UTM32",AUTHORITY["EPSG","25832"]]'
+    assert found.remarks == ("file.txt: not taken over: $MULTIHEADSYSTEM.",)
+    system = INPHO_15[INPHO_15.index("  $ID : UTM 32") : INPHO_15.index("$END_COORDINATE_SYSTEM")]
+    two = INPHO_15.replace(system, system + system.replace("32", "33"))
+    assert inpho.read_inpho_exposures(file(two), ORDER).states.crs is None
+
+
 def test_points_of_an_inpho_project_that_are_no_pixels_are_refused(file):
     """A public reader of a film project divides them by the size of a pixel: mm from the middle."""
     text = (
