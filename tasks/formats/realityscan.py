@@ -1,5 +1,7 @@
 """RealityScan (RealityCapture): its CSV of registered images, ``#name,x,y,alt,heading,pitch,roll,…``.
 
+A line ``#cameras N`` may come first, and ``alt`` may be called ``z``.
+
 The rotation world from camera (x right, y up) is R_z(−heading) R_x(pitch) R_y(roll), degrees; it is read as
 ω, φ, κ. Whether east, north, up are those at each camera or at the anchor of the project depends on the
 export and is not in the file.
@@ -8,6 +10,7 @@ export and is not in the file.
 from __future__ import annotations
 
 import csv
+import re
 from array import array
 from pathlib import Path
 
@@ -20,6 +23,7 @@ from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of, pieces_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 
+_COUNT = re.compile(r"#cameras\s+(\d{1,9})\s*", re.ASCII)
 _NEEDED = ("name", "x", "y", "alt", "heading", "pitch", "roll")
 
 
@@ -32,11 +36,17 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
         With file and line: columns or fields missing.
     """
     rows = numbered_lines(path)
-    head = [name.strip().lower() for name in next(rows)[1].lstrip("#").split(",")]
+    first, top = next(rows)
+    count = _COUNT.fullmatch(top)
+    if count is not None:
+        first, top = next(rows, (2, ""))
+    head = [name.strip().lower() for name in top.lstrip("#").split(",")]
+    if "alt" not in head:
+        head = ["alt" if name == "z" else name for name in head]
     missing = [name for name in _NEEDED if name not in head]
     if missing:
-        raise Location(path, 1).error(
-            f"The first line lacks {', '.join(missing)}.",
+        raise Location(path, first).error(
+            f"The line with the headings lacks {', '.join(missing)}.",
             "It must be '#name,x,y,alt,heading,pitch,roll', possibly with more columns.",
         )
     places = [head.index(name) for name in _NEEDED]
@@ -48,7 +58,7 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
         fields = next(csv.reader([line]))
         if len(fields) < len(head):
             raise Location(path, number).error(
-                f"This line has {len(fields)} fields, but the first line has {len(head)}.",
+                f"This line has {len(fields)} fields, but the headings are {len(head)}.",
                 "The file may have been cut off: deliver it again.",
             )
         image.append(fields[places[0]].strip())
@@ -56,6 +66,11 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
             numbers_of(path, [fields[place] for place in places[1:]], 6, number, ", ".join(_NEEDED[1:]))
         )
         at.append(number)
+    if count is not None and int(count[1]) != len(image):
+        raise Location(path, 1).error(
+            f"The file has {len(image):,} images, but its first line counts {int(count[1]):,}.",
+            "The file may have been cut off: deliver it again.",
+        )
     table = table_of(values, 6)
     angles = np.empty((len(table), 3))
     for piece in pieces_of(len(table)):

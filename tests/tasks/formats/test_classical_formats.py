@@ -432,6 +432,17 @@ def test_a_camera_of_isat_that_is_turned_against_its_image_is_refused(file):
     assert error.line == 7
 
 
+def test_a_csv_of_realityscan_may_count_its_cameras_and_call_heights_z(file):
+    """Four public programs read or write these heads."""
+    text = "#cameras 2\n#name,x,y,z,heading,pitch,roll,f\na.tif,1,2,3,-89.7,0,0,30\nb.tif,4,5,6,0,0,0,30\n"
+    found = realityscan.read_realityscan_exposures(file(text), ORDER)
+    assert found.position.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    np.testing.assert_allclose(found.angles, [[0.0, 0.0, 89.7], [0.0, 0.0, 0.0]], atol=1e-9)
+    assert found.line.tolist() == [3, 4]
+    cut = refused(realityscan.read_realityscan_exposures, file(text.replace("cameras 2", "cameras 3")), ORDER)
+    assert "2 images, but its first line counts 3" in cut.what
+
+
 def test_calibrated_parameters_of_pix4d(file):
     text = (
         "imageName X Y Z Omega Phi Kappa\nIMG 1.JPG 500123.41201 5300456.789 2430.12 0.0123 -0.2231 89.7654\n"
