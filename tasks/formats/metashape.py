@@ -257,7 +257,7 @@ def read_metashape_markers(path: Path) -> ControlRecords:
         role.append("check" if reference.get("enabled") in ("false", "0") else "control")
         at.append(number)
         item.clear()
-    return control_of(path, point, table_of(position, 3), at, sigma=table_of(sigma, 3), role=role)
+    return control_of(path, point, table_of(position, 3), at, sigma=table_of(sigma, 3).tolist(), role=role)
 
 
 def read_metashape_measurements(path: Path) -> ImagePointRecords:
