@@ -1,7 +1,8 @@
 """Inpho project (``.prj``): cameras and photos with exterior orientation, rotation object → image.
 
 Interior orientation leads from millimetres to pixels (column, row; centre of the first pixel 0, 0). The focal
-length is in the camera and in every photo, and must be the same.
+length is in the camera and in every photo, and must be the same. Keys and their order are those of a
+published camera and of two programs that write photos for Inpho.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from tasks.handover.formats.numbers import METRES, ROTATION, fixed
 from tasks.handover.results import CalibratedCamera
 
 _DECIMALS_MM = 6
+# Readers expect a time and a date here; those of an export would make two exports differ.
+_AT_NO_TIME = "00:00:00 01/01/2000"
 
 
 def write_inpho(delivery: Delivery) -> Files:
@@ -47,15 +50,17 @@ def _camera(camera: CalibratedCamera, focal_length_mm: float) -> list[str]:
     x0, y0 = (1e3 * value for value in frame.principal_point)
     return [
         "$CAMERA",
-        f"  $ID : {_escaped(frame.name)}",
-        f"  $FOCAL_LENGTH : {focal_length_mm:.{_DECIMALS_MM}f}",
-        f"  $PRINCIPAL_POINT_PPA : {' '.join(fixed([x0, y0], _DECIMALS_MM))}",
-        f"  $CCD_COLUMNS : {frame.columns}",
-        f"  $CCD_ROWS : {frame.rows}",
-        "  $PIXEL_REFERENCE : CenterTopLeft",
+        f"  $TYPE : {_escaped(frame.name)}",
+        "  $BRAND : Custom",
+        "  $KIND : CCDFrame",
         "  $CCD_INTERIOR_ORIENTATION :",
         f"    {' '.join(fixed([per_mm, 0.0, column], _DECIMALS_MM))}",
         f"    {' '.join(fixed([0.0, -per_mm, row], _DECIMALS_MM))}",
+        f"  $CCD_COLUMNS : {frame.columns}",
+        f"  $CCD_ROWS : {frame.rows}",
+        "  $PIXEL_REFERENCE : CenterTopLeft",
+        f"  $FOCAL_LENGTH : {focal_length_mm:.{_DECIMALS_MM}f}",
+        f"  $PRINCIPAL_POINT_PPA : {' '.join(fixed([x0, y0], _DECIMALS_MM))}",
         "$END",
     ]
 
@@ -69,8 +74,9 @@ def _photo(delivery: Delivery, k: int, name: str, focal_length_mm: float, ground
         f"  $PHOTO_FILE : {_escaped(name)}",
         f"  $CAMERA_ID : {_escaped(delivery.camera_names[k])}",
         f"  $TERRAIN_HEIGHT : {ground:.3f}",
+        "  $IO_STAT : manual",
         "  $ORI_STAT : Adjusted",
-        "  $EXT_ORI :",
+        f"  $EXT_ORI : {_AT_NO_TIME}",
         f"    {focal_length_mm:.{_DECIMALS_MM}f} {' '.join(fixed(pose.centre[k], METRES))}",
         *(f"    {' '.join(fixed(row, ROTATION))}" for row in matrix),
         "$END",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -174,6 +175,23 @@ def test_cameras_are_the_same(block, name, file, tmp_path):
             [5.0, frame.focal_length * 1e3, 0.01, -0.02],
             atol=1e-6,
         )
+
+
+def test_blocks_of_inpho_have_the_keys_of_published_ones_in_their_order(block, tmp_path):
+    """A camera printed in a public program, and photos of two programs that write for Inpho."""
+    read_back(block, "inpho", tmp_path)
+    text = (tmp_path / "inpho.prj").read_text(encoding="utf-8")
+    keys = re.findall(r"^ *\$(\w+)", text, re.MULTILINE)
+    start = keys.index("CAMERA")
+    assert keys[start : keys.index("END", start)] == [
+        "CAMERA", "TYPE", "BRAND", "KIND", "CCD_INTERIOR_ORIENTATION", "CCD_COLUMNS", "CCD_ROWS",
+        "PIXEL_REFERENCE", "FOCAL_LENGTH", "PRINCIPAL_POINT_PPA",
+    ]  # fmt: skip
+    start = keys.index("PHOTO")
+    assert keys[start : keys.index("END", start)] == [
+        "PHOTO", "PHOTO_NUM", "PHOTO_FILE", "CAMERA_ID", "TERRAIN_HEIGHT", "IO_STAT", "ORI_STAT", "EXT_ORI",
+    ]  # fmt: skip
+    assert len(re.findall(r"\$EXT_ORI : \d\d:\d\d:\d\d \d\d/\d\d/\d{4}$", text, re.MULTILINE)) == 4
 
 
 def test_the_reference_table_of_metashape_has_positions_angles_and_their_accuracies(block, tmp_path):
