@@ -64,7 +64,9 @@ def serve(
             help="Start deliveries by --cron alone, e.g. at night, not as soon as they are complete.",
         ),
     ] = False,
-    timezone: Annotated[str, typer.Option(help="Time zone of all schedules.")] = "UTC",
+    timezone: Annotated[
+        str, typer.Option(help="Time zone of all schedules, and of times on the production page.")
+    ] = "UTC",
     registry: Annotated[
         str | None,
         typer.Option(

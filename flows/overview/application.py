@@ -6,9 +6,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import waitress
 from dash import ALL, ClientsideFunction, Dash, Input, Output, State, ctx, dcc, html, no_update
@@ -67,7 +68,7 @@ class Answers:
 
     def refresh(self, ticks: int | None, revision: dict[str, Any]) -> tuple[Any, ...]:
         """What has changed since a revision, the counts, the state of the server, and its queue."""
-        sources, now = self.sources, datetime.now(UTC)
+        sources, now = self.sources, self.sources.now()
         try:
             changes = sources.board.changes(Revision(str(revision["board"]), int(revision["number"])))
             view, watch = sources.server(), sources.calibrations().watch
@@ -77,7 +78,7 @@ class Answers:
         rows = sources.board.rows()
         due = None if watch is None else len(watch.due)
         return (
-            _news(changes),
+            _news(changes, sources.zone),
             no_projects(sources) if not rows else None,
             no_update if changes.is_empty and ticks else revision_data(changes),
             cards(rows, due, now),
@@ -104,11 +105,11 @@ class Answers:
             if (last := passed.get((run.project_file, run.story))) is not None
             and last > (run.ended or run.scheduled)
         }
-        sigma0, rmse = plots.sigma0_figure(shown), plots.rmse_figure(shown)
+        sigma0, rmse = (draw(shown, self.sources.zone) for draw in (plots.sigma0_figure, plots.rmse_figure))
         return (
             _plot(sigma0, "No project has been adjusted yet.", {"trend": "sigma0"}),
             _plot(rmse, "No project with check points has been adjusted yet.", {"trend": "rmse"}),
-            failures_part(failed, since, datetime.now(UTC), self.sources.dashboard),
+            failures_part(failed, since, self.sources.now(), self.sources.dashboard),
         )
 
     def detail_of_row(self, selected: list[dict[str, Any]] | None) -> Any:
@@ -155,7 +156,7 @@ class Answers:
             documents = documents_of(run, sources.roots.folders) if there else ()
         except AerocalError as error:
             return html.Div(str(error), className="detail")
-        return detail_part(run, older, documents, datetime.now(UTC), sources.dashboard)
+        return detail_part(run, older, documents, sources.now(), sources.dashboard)
 
 
 def _outputs(names: str) -> list[Output]:
@@ -167,14 +168,14 @@ def _state_of_server(reachable: bool, now: datetime) -> list[Any]:
     answers = (
         html.Span("server answers") if reachable else html.Span("server DOES NOT ANSWER", className="down")
     )
-    return [answers, html.Span(f"refreshed {local_time(now, '%H:%M:%S')}")]
+    return [answers, html.Span(f"refreshed {local_time(now, '%H:%M:%S', now)}")]
 
 
-def _news(changes: Changes) -> Any:
+def _news(changes: Changes, zone: ZoneInfo) -> Any:
     """What the grid does not show yet, judged by what the browser says it has."""
     if changes.is_empty:
         return no_update
-    rows = [row_data(row) for row in changes.rows]
+    rows = [row_data(row, zone) for row in changes.rows]
     columns = columns_for(changes.rows)
     return {"whole": changes.whole, "rows": rows, "removed": list(changes.removed), "columns": columns}
 

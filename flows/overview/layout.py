@@ -100,7 +100,7 @@ def _projects(rows: Sequence[ProjectRow], sources: Sources) -> list[Part]:
             className="bar",
         ),
         html.Div(no_projects(sources) if not rows else None, id="no-projects"),
-        project_grid(rows, sources.dashboard),
+        project_grid(rows, sources.dashboard, sources.zone),
         html.Div(id="detail"),
     ]
 
@@ -156,9 +156,9 @@ def cards(rows: Sequence[ProjectRow], due: int | None, now: datetime) -> list[Pa
     return shown
 
 
-def local_time(time: datetime, form: str) -> str:
-    """A time in the time zone of the server, with the name of that zone."""
-    return f"{time.astimezone():{form} %Z}"
+def local_time(time: datetime, form: str, now: datetime) -> str:
+    """A time in the time zone of `now`, with the name of that zone."""
+    return f"{time.astimezone(now.tzinfo):{form} %Z}"
 
 
 def in_words(seconds: float) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from datetime import date, timedelta
 from html import escape
 from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
 
 from tasks.production.board import ProjectRow
 from tasks.quantities import shown
@@ -24,17 +25,18 @@ BLUE, ORANGE, GREEN, PINK, GREY, INK = "#0072B2", "#D55E00", "#009E73", "#CC79A7
 _AXES = (("x", BLUE, "circle"), ("y", GREEN, "square"), ("z", PINK, "diamond"))
 
 
-def sigma0_figure(rows: Sequence[ProjectRow]) -> Figure | None:
+def sigma0_figure(rows: Sequence[ProjectRow], zone: ZoneInfo) -> Figure | None:
     """σ0 of every project; None without any."""
     found = [row for row in rows if row.run.figures.sigma0 is not None]
     if not found:
         return None
     kinds = (("passed", BLUE, "circle"), ("a gate failed", ORANGE, "triangle-up"))
     traces = [
-        _gate_strokes(found, "sigma0", "gate"),
+        _gate_strokes(found, zone, "sigma0", "gate"),
         *(
             _figures(
                 [row for row in found if (row.run.state == "Completed") == (name == "passed")],
+                zone,
                 lambda row: row.run.figures.sigma0,
                 name,
                 {"color": colour, "symbol": symbol, "size": 9},
@@ -46,41 +48,45 @@ def sigma0_figure(rows: Sequence[ProjectRow]) -> Figure | None:
     return {"data": [one for one in traces if one["x"]], "layout": layout("σ0")}
 
 
-def rmse_figure(rows: Sequence[ProjectRow]) -> Figure | None:
+def rmse_figure(rows: Sequence[ProjectRow], zone: ZoneInfo) -> Figure | None:
     """RMSE of the check points of every project, x, y and z; None without any."""
     traces = []
     for index, (axis, colour, symbol) in enumerate(_AXES):
         there = [row for row in rows if row.run.figures.rmse_check_m[index] is not None]
-        traces.append(_gate_strokes(there, f"rmse_check_m_{axis}", f"gate {axis}", colour))
+        traces.append(_gate_strokes(there, zone, f"rmse_check_m_{axis}", f"gate {axis}", colour))
         marker = {"color": colour, "symbol": symbol, "size": 8}
         told = axis + " %{y:.3f} m"
         traces.append(
-            _figures(there, lambda row, i=index: row.run.figures.rmse_check_m[i], axis, marker, told)
+            _figures(there, zone, lambda row, i=index: row.run.figures.rmse_check_m[i], axis, marker, told)
         )
     drawn = [one for one in traces if one["x"]]
     axis_of_figures = layout("RMSE [m]", type="log", dtick="D2", tickformat=".3~f")
     return {"data": drawn, "layout": axis_of_figures} if drawn else None
 
 
-def _figures(rows: Sequence[ProjectRow], value: Any, name: str, marker: Figure, told: str) -> Figure:
+def _figures(
+    rows: Sequence[ProjectRow], zone: ZoneInfo, value: Any, name: str, marker: Figure, told: str
+) -> Figure:
     """The figure of each project at the end of its run, as points with what they are."""
     # Plotly takes some HTML in what it shows under the pointer.
     about = [[escape(row.run.project), escape(row.run.story), row.run.id] for row in rows]
     told = f"<b>%{{customdata[0]}}</b><br>%{{customdata[1]}}<br>{told}"
-    return _points(name, _ends(rows), [value(row) for row in rows], marker, told, customdata=about)
+    return _points(name, _ends(rows, zone), [value(row) for row in rows], marker, told, customdata=about)
 
 
-def _gate_strokes(rows: Sequence[ProjectRow], gate: str, name: str, colour: str = INK) -> Figure:
+def _gate_strokes(
+    rows: Sequence[ProjectRow], zone: ZoneInfo, gate: str, name: str, colour: str = INK
+) -> Figure:
     """The limit of a gate at each project that has it."""
     found = [(row, limit) for row in rows if (limit := row.limit(gate)) is not None]
     marker = {"symbol": "line-ew", "size": 14, "line": {"color": colour, "width": 1.5}}
     limits = [limit for _, limit in found]
-    return _points(name, _ends([row for row, _ in found]), limits, marker, f"{name} %{{y:.4g}}")
+    return _points(name, _ends([row for row, _ in found], zone), limits, marker, f"{name} %{{y:.4g}}")
 
 
-def _ends(rows: Sequence[ProjectRow]) -> list[str]:
+def _ends(rows: Sequence[ProjectRow], zone: ZoneInfo) -> list[str]:
     # As the other times of the page; Plotly would show UTC.
-    return [f"{row.changed.astimezone():%Y-%m-%dT%H:%M:%S}" for row in rows]
+    return [f"{row.changed.astimezone(zone):%Y-%m-%dT%H:%M:%S}" for row in rows]
 
 
 def _points(name: str, x: list[str], y: list[Any], marker: Figure, told: str, **more: Any) -> Figure:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import dash_ag_grid as dag
 
@@ -30,18 +31,19 @@ _THEME = (
 )
 
 
-def project_grid(rows: Sequence[ProjectRow], dashboard: str) -> dag.AgGrid:
+def project_grid(rows: Sequence[ProjectRow], dashboard: str, zone: ZoneInfo) -> dag.AgGrid:
     """The grid.
 
     Parameters
     ----------
     dashboard : address of the server's own pages.
+    zone : the time zone of its times.
     """
     return dag.AgGrid(
         id=GRID,
         className="ag-theme-overview",
         columnDefs=columns(rows, dashboard),
-        rowData=[row_data(row) for row in rows],
+        rowData=[row_data(row, zone) for row in rows],
         getRowId="params.data.key",
         defaultColDef={
             "sortable": True,
@@ -150,8 +152,8 @@ _GATE_OF_COLUMN = {
 }
 
 
-def row_data(row: ProjectRow) -> dict[str, Any]:
-    """A row as the browser gets it: plain values, times as ISO 8601, no missing values."""
+def row_data(row: ProjectRow, zone: ZoneInfo) -> dict[str, Any]:
+    """A row as the browser gets it: plain values, times as ISO 8601 in `zone`, no missing values."""
     run, figures, failed = row.run, row.run.figures, row.failed_gates
     passed = len(figures.gates) - len(failed)
     x, y, z = figures.rmse_check_m
@@ -164,7 +166,7 @@ def row_data(row: ProjectRow) -> dict[str, Any]:
         "state": run.state,
         "message": run.message or None,
         "stages": dict(row.stages),
-        "changed": row.changed.isoformat(timespec="seconds"),
+        "changed": row.changed.astimezone(zone).isoformat(timespec="seconds"),
         "begun": run.begun.isoformat(timespec="seconds") if run.begun and run.ended is None else None,
         "seconds": None if row.seconds is None else round(row.seconds, 1),
         "sigma0": figures.sigma0,

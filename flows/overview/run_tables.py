@@ -47,7 +47,7 @@ def queue_part(view: ServerView, inbox: Scheduled | None, now: datetime, dashboa
 
 
 def _ahead(due: datetime, now: datetime) -> str:
-    return f"at {local_time(due, '%a %d %b %H:%M')} (in {in_words((due - now).total_seconds())})"
+    return f"at {local_time(due, '%a %d %b %H:%M', now)} (in {in_words((due - now).total_seconds())})"
 
 
 def _inbox_parts(inbox: Scheduled, search: datetime | None, now: datetime) -> list[Part]:
@@ -134,7 +134,7 @@ def detail_part(
         rows = [_gate(gate) for gate in run.figures.gates]
         parts += [html.H3("Gates"), _table(("Figure", "Value", "Limit", ""), rows)]
     older = [
-        _ended(one, local_time(one.scheduled, "%Y-%m-%d %H:%M"), now, dashboard)
+        _ended(one, local_time(one.scheduled, "%Y-%m-%d %H:%M", now), now, dashboard)
         for one in runs
         if one.id != run.id
     ]

@@ -6,10 +6,11 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from datetime import UTC, date, datetime
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from zoneinfo import ZoneInfo
 
 from flows.server.api import Api
 from flows.server.door import Door
@@ -178,6 +179,7 @@ class Sources:
     door : the rules of access.
     registry : address of the registry; None: there is none.
     inbox : what the last search of the inbox found; None: there is no inbox.
+    zone : the time zone of the times that are shown.
     """
 
     records: Records
@@ -187,6 +189,11 @@ class Sources:
     door: Door
     registry: str | None
     inbox: Callable[[], Scheduled | None]
+    zone: ZoneInfo
+
+    def now(self) -> datetime:
+        """The present time, in the zone of the page."""
+        return datetime.now(self.zone)
 
     @cached_property
     def board(self) -> Board:
@@ -221,6 +228,6 @@ class Sources:
 
         try:
             contents = Registry.at(registry_address(self.registry)).contents()
-            return Calibrations(watch_of(contents, date.today(), DueLimits()), None)
+            return Calibrations(watch_of(contents, self.now().date(), DueLimits()), None)
         except AerocalError as error:
             return Calibrations(None, str(error))

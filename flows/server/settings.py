@@ -68,7 +68,7 @@ class Settings:
     story : what is done with deliveries.
     watch_s : seconds between two looks into the inbox.
     cron : when the inbox is looked through in any case; five fields; None: never.
-    timezone : IANA name of the time zone the five fields are meant in.
+    timezone : IANA name of the time zone the five fields are meant in, and that of the production page.
     registry : address of the registry of calibrations, password included; None: there is none.
     recalibration_cron : when the registry is looked at; None: there is no registry.
     keep_days : stored results of stages that nobody has used for so long are removed every night, unless a

@@ -18,6 +18,7 @@ from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 from flows.server.api import Api
 from flows.server.child import Child, Lifeline, Requests, Say, Supervised, requests_to_end
@@ -172,7 +173,7 @@ class _Serving:
 
         settings, dashboard = self.settings, self.settings.address.dashboard
         of_server = (dashboard, settings.roots, self.api, self.door, settings.registry)
-        sources = Sources(self.records, *of_server, lambda: watch.inbox)
+        sources = Sources(self.records, *of_server, lambda: watch.inbox, ZoneInfo(settings.timezone))
         return page_server(sources, settings.overview.host, settings.overview.port)
 
     def _server_has_ended(self, server: Supervised) -> None:

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import pytest
 
@@ -59,6 +60,7 @@ def proxy(tmp_path: Path) -> Iterator[int]:
         door_of(PASSWORD, [], ["https://aerocal.example.org", f"https://{HOST}"]),
         None,
         lambda: None,
+        ZoneInfo("UTC"),
     )
     secret = tmp_path / "password"
     secret.write_text(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import pytest
 from flask.testing import FlaskClient
@@ -30,7 +31,7 @@ def sources(records: Records, tmp_path: Path) -> Sources:
     (tmp_path / "root").mkdir()
     roots = Roots(((tmp_path / "root").resolve(),))
     api = Api("http://127.0.0.1:9/api")
-    return Sources(records, DASHBOARD, roots, api, DOOR, None, lambda: None)
+    return Sources(records, DASHBOARD, roots, api, DOOR, None, lambda: None, ZoneInfo("UTC"))
 
 
 @pytest.fixture

@@ -292,22 +292,25 @@ def far_west(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("far_west")
-def test_times_are_those_of_one_zone_which_is_named(
+def test_times_are_those_of_the_zone_of_the_schedules_which_is_named(
     sources: Sources, browse: Browse, records: Records
 ) -> None:
     first, second = ended(records, run("block-1")), ended(records, run("block-1", hours=1))
-    client = browse(sources)
+    zone = ZoneInfo("Asia/Kolkata")
+    client = browse(replace(sources, zone=zone))
     assert second.ended is not None
-    here = second.ended.astimezone(ZoneInfo("America/Denver"))
-    said = texts(refreshed(client, {"board": "", "number": 0})["said"]["children"])
-    assert re.search(r"refreshed \d\d:\d\d:\d\d M[SD]T$", said)
+    there = second.ended.astimezone(zone)
+    refreshed_page = refreshed(client, {"board": "", "number": 0})
+    assert re.search(r"refreshed \d\d:\d\d:\d\d IST$", texts(refreshed_page["said"]["children"]))
+    assert refreshed_page["news"]["data"]["rows"][0]["changed"] == there.isoformat(timespec="seconds")
     detail = texts(asked(client, "detail.children", [[{"run": second.id}]], [])["detail"]["children"])
-    assert f"{first.scheduled.astimezone(ZoneInfo('America/Denver')):%Y-%m-%d %H:%M} MST" in detail
+    assert f"{first.scheduled.astimezone(zone):%Y-%m-%d %H:%M} IST" in detail
     drawn = json.dumps(asked(client, "sigma0-trend.children", [None], []))
-    assert f'"x": ["{here:%Y-%m-%dT%H:%M:%S}"]' in drawn
+    assert f'"x": ["{there:%Y-%m-%dT%H:%M:%S}"]' in drawn
     due = QueuedRun("1", "inbox", "Scheduled", datetime(2026, 7, 1, 7, 30, tzinfo=UTC), None)
-    queue = str(queue_part(ServerView(True, (), due), None, datetime(2026, 7, 1, tzinfo=UTC), ""))
-    assert "Wed 01 Jul 01:30 MDT (in 8\\xa0h)" in queue
+    now = datetime(2026, 7, 1, tzinfo=UTC).astimezone(zone)
+    queue = str(queue_part(ServerView(True, (), due), None, now, ""))
+    assert "Wed 01 Jul 13:00 IST (in 8\\xa0h)" in queue
 
 
 def test_what_the_inbox_holds_back_is_told(sources: Sources, browse: Browse) -> None:

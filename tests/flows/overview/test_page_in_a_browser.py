@@ -111,7 +111,7 @@ class _Later(datetime):
 def test_the_age_of_a_failure_is_in_one_line(
     sources: Sources, records: Records, browser: Browser, monkeypatch: pytest.MonkeyPatch, width: int
 ) -> None:
-    monkeypatch.setattr("flows.overview.application.datetime", _Later)
+    monkeypatch.setattr("flows.overview.sources.datetime", _Later)
     ended(records, run("block-7"), "InputError", message="The image 0412 exists twice in the file. " * 3)
     page, port = (
         browser.new_page(
