@@ -21,6 +21,7 @@ from tasks.files.installation import InstallationError, writing_into
 from tasks.object_storage.address import ObjectAddress, output_place
 from tasks.object_storage.connection import local_folder
 from tasks.production.run_record import State
+from tasks.results.own_files import foreign_document
 from tasks.results.summary import Status, Summary, failed_summary, write_summary
 from tasks.settings.base import DATA_VARIABLE
 from tasks.settings.cameras import REGISTRY, RIG_REGISTRY
@@ -228,7 +229,7 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     InstallationError
         If the machine prevents the run (full disk, no permission, object storage that does not answer).
     """
-    trouble = trouble_of_folder(request.directory)
+    trouble = trouble_of_folder(request.directory) or foreign_document(request.directory)
     if trouble is not None:
         # There, its summary cannot be written either.
         return RunOutcome(request, failed_summary("input_error", str(trouble), {}), str(trouble))

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from tasks.errors import InputError, Location
 from tasks.files.installation import writing_into
 from tasks.handover.delivery import Angles
-from tasks.handover.export import STATEMENT, DeliveryRefusedError, export_results
+from tasks.handover.export import DeliveryRefusedError, export_results
 from tasks.handover.receiver import REFUSED_PX
+from tasks.handover.written_files import STATEMENT, remove_written
 from tasks.results.manifest import read_manifest
 from tasks.results.quality_gates import GateResult
 from tasks.results.summary import DeliveryFigure, Summary, write_summary
 from tasks.settings.deliver import OFFERS, DeliverSettings
 from tasks.settings.project import Project
-from tasks.store.store import Store, remove_whole
+from tasks.store.store import Store
 
 
 def deliver(store: Store, project: Project, summary: Summary) -> Summary:
@@ -70,7 +72,7 @@ def _clear(folder: Path) -> None:
     Raises
     ------
     InputError
-        If there is something else in the folder.
+        If there has never been a delivery in the folder, but something else.
     """
     if not folder.exists():
         return
@@ -78,8 +80,10 @@ def _clear(folder: Path) -> None:
         raise Location(folder).error(
             "The folder contains other files than a delivery.", "Give the delivery another `folder`."
         )
-    with writing_into(folder.parent):
-        remove_whole(folder)
+    remove_written(folder)
+    with suppress(OSError):
+        # Others have put files into it.
+        folder.rmdir()
 
 
 def _gate(figure: DeliveryFigure) -> GateResult:

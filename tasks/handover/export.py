@@ -12,7 +12,6 @@ import numpy as np
 from adjust.handover.refit import Freed
 from tasks.errors import InputError
 from tasks.files.delivered_file import require_folder, require_none_replaced
-from tasks.files.installation import remove_abandoned, write_whole, writing_into
 from tasks.handover.block_points import BlockPoints, read_points
 from tasks.handover.delivery import Angles, Delivery, DeliveryFormat
 from tasks.handover.distortion_grid import distortion_grids
@@ -23,12 +22,12 @@ from tasks.handover.on_wgs84 import block_on_wgs84
 from tasks.handover.receiver import REFUSED_PX, HandedOver, hand_over
 from tasks.handover.results import Results, read_results
 from tasks.handover.statement import statement
+from tasks.handover.written_files import STATEMENT, write_files
 from tasks.nearest_name import did_you_mean
 from tasks.plain_text import quoted
 from tasks.results.manifest import read_manifest
 from tasks.settings.deliver import CHOSEN_ANGLES, World, own_angles
 
-STATEMENT = "HANDOVER.txt"
 # Bytes of the name of a file, on all usual file systems.
 _LONGEST_NAME = 255
 
@@ -40,7 +39,7 @@ class Export:
     Attributes
     ----------
     folder, files : where, and which files.
-    statement : the text of HANDOVER.txt.
+    statement : the text of HANDOVER.txt, without the digests.
     misfit_px : largest misfit of the program's model.
     """
 
@@ -86,7 +85,8 @@ def export_results(
     ------
     InputError
         If there is no such format or kind, no results, the format has angles of its own, or the misfit is
-        too large. Nothing is written then.
+        too large, or a file would be replaced that is not by aerocal or was changed since. Nothing is written
+        then.
     """
     form = chosen_format(to, REGISTER)
     if angles is not None and angles != Angles() and to not in CHOSEN_ANGLES:
@@ -129,7 +129,8 @@ def write_block(block: Results, points: Callable[[], BlockPoints], wanted: Wante
     Raises
     ------
     InputError
-        If the format cannot hold the block, or the misfit is too large. Nothing is written then.
+        If the format cannot hold the block, the misfit is too large, or a file would be replaced that is not
+        by aerocal or was changed since. Nothing is written then.
     """
     form = wanted.form
     if wanted.world == "rpc" and block.film:
@@ -157,7 +158,7 @@ def write_block(block: Results, points: Callable[[], BlockPoints], wanted: Wante
     text = statement(delivery, form, adjusted=wanted.adjusted)
     _require_short(files)
     require_none_replaced((folder / name for name in (*files, STATEMENT)), wanted.delivered)
-    _write(folder, {**files, STATEMENT: text})
+    write_files(folder, files, text)
     return Export(folder, tuple(files), text, misfit)
 
 
@@ -213,13 +214,3 @@ def _require_short(files: Collection[str]) -> None:
                 f"bytes, and no name of a file has more than {_LONGEST_NAME}.",
                 "Write a format with one file for all images, or give the images shorter names.",
             )
-
-
-def _write(folder: Path, files: dict[str, str | bytes]) -> None:
-    """Write all files, each completely or not at all; the statement last."""
-    with writing_into(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        remove_abandoned(folder)
-        (folder / STATEMENT).unlink(missing_ok=True)
-        for name, content in files.items():
-            write_whole(folder / name, content)

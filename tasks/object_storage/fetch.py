@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
-from tasks.errors import InputError, Location
+from tasks.errors import InputError
 from tasks.files.delivered_file import require_folder
 from tasks.files.installation import InstallationError, writing_into
-from tasks.files.json_text import read_json, replace_json
+from tasks.files.json_text import replace_json
 from tasks.object_storage.address import ObjectAddress
 from tasks.object_storage.workspace import ObjectWorkspace, PublishedEntry
-from tasks.results.manifest import MANIFEST, Manifest, read_manifest, write_manifest
+from tasks.results.manifest import read_manifest, write_manifest
+from tasks.results.own_files import UNFINISHED_FETCH, require_own, written_digests
 from tasks.results.publish import remove_outdated
-from tasks.results.summary import SUMMARY, Summary, read_summary, write_summary
+from tasks.results.summary import SUMMARY, Summary, write_summary
 from tasks.store.artifact import digest_of_file
 from tasks.store.run_lock import run_lock
 from tasks.store.store import Store, remove_whole
-
-#: What an unfinished fetch may have left: digests of files that no manifest there names yet.
-_UNFINISHED = Path(".store", "fetching.json")
 
 
 @dataclass(frozen=True)
@@ -75,12 +71,12 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
     entries = tuple(manifest.artifacts.values())
     with writing_into(directory), run_lock(directory):
         last = read_manifest(directory)
+        coming = {entry.sha256 for entry in entries}
+        require_own(directory, last, (entry.file for entry in entries), coming)
         there = _digests_there(directory, entries)
-        own = _digests_of_own(directory, last) | {entry.sha256 for entry in entries}
-        _require_own(directory, last, there, own)
         for leftover in Store.of(directory).leftovers():
             remove_whole(leftover)
-        replace_json(directory / _UNFINISHED, sorted(own))
+        replace_json(directory / UNFINISHED_FETCH, sorted(coming | written_digests(directory, last)))
         missing = [entry for entry in entries if there.get(entry.file) != entry.sha256]
         for entry in missing:
             _bring(workspace, entry, directory)
@@ -89,7 +85,7 @@ def fetch_results(address: ObjectAddress, directory: Path) -> FetchedResults:
             remove_outdated(directory, last, here, tuple(last.artifacts))
         write_summary(directory, manifest.summary)
         write_manifest(directory, here)
-        (directory / _UNFINISHED).unlink()
+        (directory / UNFINISHED_FETCH).unlink()
     files, brought = (tuple(entry.file for entry in some) for some in (entries, missing))
     return FetchedResults(tuple(sorted(files)), brought, last_run)
 
@@ -98,34 +94,6 @@ def _digests_there(directory: Path, entries: Sequence[PublishedEntry]) -> dict[s
     """By name, the digests of the files that are present."""
     paths = (directory / entry.file for entry in entries)
     return {path.name: digest_of_file(path) for path in paths if path.is_file()}
-
-
-def _digests_of_own(directory: Path, last: Manifest | None) -> set[str]:
-    """Digests of what runs and fetches, also interrupted ones, have put into a folder."""
-    own = set() if last is None else {entry.sha256 for entry in last.artifacts.values()}
-    with suppress(OSError, ValueError, TypeError):
-        own.update(cast(list[str], read_json(directory / _UNFINISHED)))
-    return own
-
-
-def _require_own(
-    directory: Path, last: Manifest | None, there: Mapping[str, str], own: Collection[str]
-) -> None:
-    """Refuse to replace a file that no run or fetch has written, or that was changed since."""
-    others = [name for name, digest in there.items() if digest not in own]
-    if last is None and (directory / MANIFEST).exists():
-        others.append(MANIFEST)
-    try:
-        read_summary(directory)
-    except FileNotFoundError:
-        pass
-    except ValueError:
-        others.append(SUMMARY)
-    if others:
-        raise Location(directory / others[0]).error(
-            "The fetched file would replace this one, which is not by aerocal or was changed since.",
-            "Rename it, or choose another folder with --to.",
-        )
 
 
 def _bring(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path) -> None:

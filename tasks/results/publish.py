@@ -14,6 +14,7 @@ from pathlib import Path
 from tasks.files.delivered_file import require_none_replaced
 from tasks.files.installation import writing_into
 from tasks.results.manifest import Manifest, manifest_of, published_entry, read_manifest, write_manifest
+from tasks.results.own_files import require_own
 from tasks.results.summary import Summary, summary_of, write_summary
 from tasks.settings.base import Settings
 from tasks.settings.project import Project
@@ -155,17 +156,19 @@ def put_out(
     Raises
     ------
     InputError
-        If a file would replace one that the run has read. Nothing is written then.
+        If a file would replace one that the run has read, that is not by aerocal, or that was changed since.
+        Nothing is written then.
     """
     directory = store.folder.parent
     require_in_place(directory)
     records = read_records(store.folder)
-    names = (artifact.path.name for artifact in artifacts)
+    names = [artifact.path.name for artifact in artifacts]
     inputs = {Path(path): digest for record in records for path, digest in record.inputs.items()}
     delivered = [path for path, digest in inputs.items() if not _left_here(directory, path, digest)]
     require_none_replaced((directory / name for name in names), delivered)
     with writing_into(directory):
         last = read_manifest(directory)
+        require_own(directory, last, names, {artifact.sha256 for artifact in artifacts})
         for artifact in artifacts:
             _place(artifact, directory / artifact.path.name)
         made = manifest_of(artifacts, project, records)

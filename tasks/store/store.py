@@ -141,6 +141,16 @@ class Store:
         except _DAMAGES:
             return {}
 
+    def listed_digests(self) -> set[str]:
+        """Digests of all files as finished outputs list them, whatever has become of the files."""
+        digests = set[str]()
+        for listing in self.folder.glob(f"*/[0-9a-f]*/{STAGE_FILE}"):
+            with contextlib.suppress(*_DAMAGES):
+                content = cast(Mapping[str, JSON], read_json(listing))
+                entries = cast(list[Mapping[str, JSON]], content["files"])
+                digests.update(str(entry["sha256"]) for entry in entries)
+        return digests
+
     def keep(self, key: StageKey, folder: Path, seconds: float) -> Outputs:
         """Make a stage's finished folder the stored output of `key`: list it, flush it, rename it.
 

@@ -183,6 +183,22 @@ def test_results_between_delivered_files_get_a_remark_and_replace_none(warm_bloc
     assert points.read_bytes() == delivered
 
 
+@pytest.mark.parametrize("name", ["report.html", "summary.json", "manifest.json"])
+def test_a_file_of_somebody_else_is_not_replaced_by_results(warm_block: Path, name: str) -> None:
+    results = warm_block.parent / "results"
+    (results / name).unlink(missing_ok=True)
+    (results / name).write_text("mine")
+    before = {path.name: path.read_bytes() for path in results.iterdir() if path.is_file()}
+    done = aerocal("run", warm_block)
+    assert done.returncode == 2, done.stderr
+    assert f"{results / name}: The file would be replaced" in one_line_error(done)
+    after = {path.name: path.read_bytes() for path in results.iterdir() if path.is_file()}
+    told = {"summary.json"} if name == "report.html" else set()
+    assert {key: value for key, value in after.items() if key not in told} == {
+        key: value for key, value in before.items() if key not in told
+    }
+
+
 @pytest.mark.parametrize("address", ["http://127.0.0.1:9/api", "nonsense"])
 def test_a_server_that_does_not_answer_ends_with_1_and_the_remedy(block: Path, address: str) -> None:
     done = aerocal("run", block, "--server", address)

@@ -17,6 +17,7 @@ from tasks.errors import InputError
 from tasks.formats.register import EXPOSURE_FORMATS
 from tasks.handover.export import export_results
 from tasks.handover.formats.register import REGISTER
+from tasks.handover.written_files import write_files
 from tasks.results.summary import read_summary
 from tasks.settings.deliver import OFFERS
 from tasks.settings.load import load_project
@@ -53,9 +54,7 @@ def project_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def outcome(project_file: Path) -> RunOutcome:
     # Of an earlier run, which the format would not be refused for.
     stale = project_file.parent / "results" / "export" / "patb"
-    stale.mkdir(parents=True)
-    for name in ("HANDOVER.txt", "patb.ori"):
-        (stale / name).write_text("of an earlier run")
+    write_files(stale, {"patb.ori": "of an earlier run"}, "of an earlier run\n")
     return carry_out(aerial_triangulation, RunRequest(project_file))
 
 
@@ -99,6 +98,20 @@ def test_a_folder_that_holds_something_else_is_left_alone(
     assert summary.status == "gate_failed"
     assert "other files than a delivery" in summary.problems[0]
     assert [path.name for path in own.iterdir()] == ["letter.txt"]
+
+
+def test_a_delivery_that_was_edited_stays(project_file: Path, outcome: RunOutcome, tmp_path: Path) -> None:
+    out = Path(shutil.copytree(outcome.directory, tmp_path / "results"))
+    folder = out / "client" / "eo"
+    with (folder / "eo.csv").open("a") as stream:
+        stream.write("checked by Ann\n")
+    edited = (folder / "eo.csv").read_text()
+    summary = carry_out(aerial_triangulation, RunRequest(project_file, out)).summary
+    assert summary.status == "gate_failed"
+    (told,) = [problem for problem in summary.problems if "client/eo (eo-csv) is refused" in problem]
+    assert "eo.csv: The file would be replaced, but it is not by aerocal or was changed since." in told
+    assert [path.name for path in folder.iterdir()] == ["eo.csv"]
+    assert (folder / "eo.csv").read_text() == edited
 
 
 @pytest.mark.parametrize(

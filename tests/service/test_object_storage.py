@@ -88,7 +88,7 @@ def test_files_of_somebody_else_are_not_replaced_by_fetched_ones(
     own = tmp_path / "fetched" / name
     own.parent.mkdir()
     own.write_text('{"mine": 1}')
-    with pytest.raises(InputError, match=rf"{name}: .* not by aerocal .* --to"):
+    with pytest.raises(InputError, match=rf"{name}: .* not by aerocal .* output folder"):
         fetch_results(address, own.parent)
     assert own.read_text() == '{"mine": 1}'
     assert {path.name for path in own.parent.iterdir()} == {".store", name}

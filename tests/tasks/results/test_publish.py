@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from tasks.errors import InputError
 from tasks.files.installation import InstallationError
 from tasks.results.publish import publish
 from tasks.results.summary import Summary
@@ -25,7 +26,8 @@ from tasks.store.store import Store, stored
 def make_tables(folder: Path, *, names: tuple[str, ...], project: Project, sigma0: float) -> None:
     assert project.project.name == "small"
     for name in names:
-        pd.DataFrame({"point": [f"{name}-1", f"{name}-2"]}).to_parquet(folder / f"{name}.parquet")
+        table = pd.DataFrame({"point": [f"{name}-1", f"{name}-2"], "sigma0": sigma0})
+        table.to_parquet(folder / f"{name}.parquet")
     write_notes(folder, Notes(("a problem",), {"sigma0": sigma0}))
 
 
@@ -102,6 +104,58 @@ def test_a_table_this_run_does_not_have_does_not_stay_from_the_last(tmp_path: Pa
     (out / "check_points.parquet").write_text("a user's own file")
     run(out, project, ("images",))
     assert (out / "check_points.parquet").read_text() == "a user's own file"
+
+
+def require_refused(out: Path, project: Project, name: str) -> None:
+    """A run that would replace a file names it and writes nothing."""
+    before = contents(out)
+    with pytest.raises(InputError, match=f"{name}: .* not by aerocal or was changed since.* Rename it"):
+        run(out, project, ("images", "object_points"), sigma0=1.1)
+    assert contents(out) == before
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+
+
+@pytest.mark.parametrize("name", ["object_points.parquet", "summary.json", "manifest.json"])
+def test_a_file_of_somebody_else_is_not_replaced(tmp_path: Path, project: Project, name: str) -> None:
+    out = tmp_path / "out"
+    run(out, project, ("images",))
+    (out / name).unlink(missing_ok=True)
+    (out / name).write_text('{"mine": 1}')
+    require_refused(out, project, name)
+    (out / name).rename(out / "mine")
+    run(out, project, ("images", "object_points"))
+    assert (out / "mine").read_text() == '{"mine": 1}'
+
+
+@pytest.mark.parametrize("in_place", [True, False])
+def test_a_published_file_that_was_edited_is_not_replaced(
+    tmp_path: Path, project: Project, in_place: bool
+) -> None:
+    out = tmp_path / "out"
+    run(out, project, ("images",))
+    published = out / "images.parquet"
+    if in_place:
+        # The store has the same bytes then.
+        published.chmod(0o644)
+    else:
+        published.unlink()
+    published.write_bytes(b"edited")
+    require_refused(out, project, "images.parquet")
+
+
+def test_what_a_killed_run_has_published_is_replaced(tmp_path: Path, project: Project) -> None:
+    out = tmp_path / "out"
+    run(out, project, ("images",))
+    earlier = {name: (out / name).read_bytes() for name in ("summary.json", "manifest.json")}
+    # Of the next run the tables alone got their names.
+    run(out, project, ("images", "object_points"), sigma0=1.1)
+    for name, content in earlier.items():
+        (out / name).write_bytes(content)
+    run(out, project, ("images", "object_points"), sigma0=1.15)
+    assert set(pd.read_parquet(out / "object_points.parquet")["sigma0"]) == {1.15}
 
 
 def test_a_failed_gate_keeps_the_outputs(tmp_path: Path, project: Project) -> None:
