@@ -7,16 +7,19 @@ a size and a white ground.
 from __future__ import annotations
 
 import re
+from hashlib import sha256
 from pathlib import Path
 
 from tasks.errors import Location
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.files.installation import remove_abandoned, write_whole, writing_into
+from tasks.store.own_file import would_be_lost
 
 _FIGURE, _DRAWING, _DRAWN = '<figure id="figure-', "<svg ", "</svg>"
 _NAME = re.compile(r'(?P<name>[\w-]{1,99})">')
 _RULE = re.compile(r"^svg (?P<rule>[^{].*)$", re.MULTILINE)
 _SIZE = re.compile(r'viewBox="0 0 (?P<width>[\d.]+) (?P<height>[\d.]+)"')
+_DIGEST = "<!-- aerocal, SHA-256 of what is above: "
 #: Colours that the page keeps in variables.
 _VARIABLE = re.compile(r"(?P<name>--[\w-]+): (?P<value>#[0-9a-f]+);")
 
@@ -27,7 +30,8 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
     Raises
     ------
     InputError
-        If there is no report, or it has no figures with names.
+        If there is no report, it has no figures with names, or a file would be replaced that is not by
+        aerocal or was changed since. Nothing is written then.
     InstallationError
         If the disk is full or the folder cannot be written.
     """
@@ -44,13 +48,26 @@ def export_figures(report: Path, out: Path) -> tuple[Path, ...]:
             "Run the project again: the report may have been written by an older version.",
         )
     style = _style_of(page)
-    files = {out / f"{name}.svg": standing_alone(drawing, style) for name, drawing in found.items()}
+    files = {out / f"{name}.svg": _signed(standing_alone(drawing, style)) for name, drawing in found.items()}
+    for file in files:
+        if file.is_file() and not _is_ours(file.read_bytes()):
+            raise would_be_lost(file)
     with writing_into(out):
         out.mkdir(parents=True, exist_ok=True)
         remove_abandoned(out)
         for file, drawing in files.items():
             write_whole(file, drawing)
     return tuple(files)
+
+
+def _signed(drawing: str) -> str:
+    """A drawing with the digest by which it is known as ours and unchanged when it is written again."""
+    return f"{drawing}{_DIGEST}{sha256(drawing.encode()).hexdigest()} -->\n"
+
+
+def _is_ours(content: bytes) -> bool:
+    drawing, _, _ = content.decode(errors="replace").rpartition(_DIGEST)
+    return _signed(drawing).encode() == content
 
 
 def figure_of(page: str, name: str) -> str:
