@@ -16,7 +16,6 @@ delivery then gets another one.
 from __future__ import annotations
 
 import math
-import socket
 import threading
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
@@ -29,6 +28,7 @@ from flows.server.child import Say
 from flows.server.inbox import CalledOffError, Delivery, Scheduled, schedule_deliveries
 from flows.server.settings import Settings
 from tasks.errors import AerocalError
+from tasks.files.machine import machine
 from tasks.production.records import Records
 from tasks.production.run_record import DECIDED, RunRecord, State
 
@@ -175,12 +175,12 @@ _YOUNGER = timedelta(seconds=60)
 
 def lives_here(run: RunRecord) -> bool:
     """Whether the run was started on this machine by a process that is still there."""
-    return run.host == socket.gethostname() and _lives(run)
+    return run.host == machine() and _lives(run)
 
 
 def died_here(run: RunRecord) -> bool:
     """Whether the run was started on this machine by a process that is no longer there."""
-    return run.host == socket.gethostname() and not _lives(run)
+    return run.host == machine() and not _lives(run)
 
 
 def _lives(run: RunRecord) -> bool:

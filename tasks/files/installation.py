@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.errors import AerocalError
+from tasks.files.machine import machine
 from tasks.plain_text import visible
 
 _SHOWN = 500
@@ -150,7 +151,7 @@ def _is_still(path: Path) -> bool:
 
 def _parts_of_machine() -> str:
     """How the names of unfinished files begin: numbers of processes are those of a machine."""
-    return f".aerocal.{re.sub(r'[^A-Za-z0-9-]', '-', os.uname().nodename)[:64]}."
+    return f".aerocal.{re.sub(r'[^A-Za-z0-9-]', '-', machine())[-64:]}."
 
 
 def _exists(process: int) -> bool:

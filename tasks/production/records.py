@@ -8,7 +8,6 @@ A run that is decided is never changed again, except that it may begin again und
 from __future__ import annotations
 
 import os
-import socket
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from tasks.database.address import Holding, database_address
 from tasks.database.engine import Database, connected_for_reading, engine_at
 from tasks.database.errors import in_words
 from tasks.files.json_text import JSON
+from tasks.files.machine import machine
 from tasks.production.notice import Notice, notice_of_run
 from tasks.production.run_record import (
     DECIDED,
@@ -101,7 +101,7 @@ class Records(Database):
             ended=None,
             again_at=None,
             attempts=1,
-            host=socket.gethostname(),
+            host=machine(),
             process=os.getpid(),
         )
         with self.writing() as connection:

@@ -113,7 +113,7 @@ class RunRecord:
     message : one or several sentences on the state.
     scheduled, begun, ended : UTC; None: not yet.
     delivery : key of the delivery it is for; None: started by hand.
-    host, process : where it runs or ran; None: nowhere yet.
+    host, process : machine (`tasks.files.machine`) and process that it runs or ran in; None: nowhere yet.
     attempts : how often it was started, or is to be, since somebody or a delivery requested it.
     again_at : when it is started again by itself, UTC; None: it is not, or has not ended.
     stages : those that have ended, in the order in which they did.

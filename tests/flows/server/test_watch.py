@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from flows.server.watch import died_here, lives_here
+from tasks.files.machine import machine
 from tasks.production.run_record import RunRecord
 from tests.conftest import Start
 
@@ -28,7 +28,7 @@ def of_a_runner(start: Start) -> tuple[RunRecord, subprocess.Popen[str]]:
     # While a program is loaded, the system does not know its variables.
     assert process.stdout is not None
     process.stdout.readline()
-    return replace(started, begun=datetime.now(UTC), host=socket.gethostname(), process=process.pid), process
+    return replace(started, begun=datetime.now(UTC), host=machine(), process=process.pid), process
 
 
 @pytest.mark.parametrize("hours", [0, -2, 3])
