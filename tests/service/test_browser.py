@@ -73,6 +73,18 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield running
 
 
+@pytest.fixture(scope="module")
+def produced(server: Served) -> Served:
+    """The server after a run that has passed, and one that has missed a gate."""
+    for project, settings, state in (
+        ("block", {}, "Completed"),
+        (HOSTILE, {"sigma0_limit": 0.71}, "GateFailed"),
+    ):
+        run = server.start(MANUAL, {"project": project, "settings": settings})
+        assert server.ended(run, 240)["state_name"] == state
+    return server
+
+
 @pytest.fixture
 def seen(server: Served, browser: Browser) -> Iterator[Seen]:
     context = browser.new_context(viewport={"width": 1500, "height": 1000})
@@ -90,7 +102,7 @@ def seen(server: Served, browser: Browser) -> Iterator[Seen]:
 
 
 def test_a_run_is_started_with_the_form_and_followed_to_its_report(server: Served, seen: Seen) -> None:
-    page = seen.page
+    page, before = seen.page, _runs(server)
     page.goto(f"http://127.0.0.1:{server.port}/")
     page.get_by_role("link", name="Deployments").first.click()
     manual = page.get_by_role("row").filter(has_text="aerial-triangulation").filter(has_text="manual")
@@ -105,10 +117,10 @@ def test_a_run_is_started_with_the_form_and_followed_to_its_report(server: Serve
     expect(page.get_by_text("Validation failed for field 'output'")).to_be_visible()
     expect(wrong).to_be_visible()
     seen.keep("1-form-refuses")
-    assert server.runs(flows={"name": {"any_": ["aerial-triangulation"]}}) == []
+    assert _runs(server) == before
 
     page.get_by_label("output").fill("results")
-    until(lambda: _submitted(server, page), 90)
+    until(lambda: _submitted(server, page, before), 90)
     page.get_by_role("link", name="View run").first.click()
     page.wait_for_url("**/runs/flow-run/**")
     expect(page.get_by_text(re.compile("^(Scheduled|Late|Pending|Running|Completed)$")).first).to_be_visible()
@@ -141,24 +153,22 @@ def _open_artifact(page: Page, name: str) -> None:
     page.wait_for_url("**/artifacts/artifact/**")
 
 
-def _submitted(server: Served, page: Page) -> bool:
-    """Submit the form until there is a run: it takes over a moment later what was typed."""
+def _runs(server: Served) -> set[str]:
+    return {run["id"] for run in server.runs(flows={"name": {"any_": ["aerial-triangulation"]}})}
 
-    def runs() -> list[object]:
-        return server.runs(flows={"name": {"any_": ["aerial-triangulation"]}})
 
-    if runs():
+def _submitted(server: Served, page: Page, before: set[str]) -> bool:
+    """Submit the form until there is a new run: it takes over a moment later what was typed."""
+    if _runs(server) != before:
         return True
     page.get_by_role("button", name="Submit").click()
     with contextlib.suppress(AssertionError):
-        until(runs, 8)
-    return bool(runs())
+        until(lambda: _runs(server) != before, 8)
+    return _runs(server) != before
 
 
-def test_the_production_page_shows_sorts_and_filters_every_project(server: Served, seen: Seen) -> None:
-    missed = server.start(MANUAL, {"project": HOSTILE, "settings": {"sigma0_limit": 0.71}})
-    assert server.ended(missed, 240)["state_name"] == "GateFailed"
-    page = seen.page
+def test_the_production_page_shows_sorts_and_filters_every_project(produced: Served, seen: Seen) -> None:
+    server, page = produced, seen.page
     page.goto(f"http://127.0.0.1:{server.overview}/")
     failed = page.locator(".ag-pinned-left-cols-container .ag-row").filter(has_text="GateFailed")
     expect(failed).to_have_count(1)
@@ -237,9 +247,9 @@ def _tells_of_one_project(seen: Seen) -> None:
     opened.value.close()
 
 
-def test_the_production_page_fits_a_small_window(server: Served, seen: Seen) -> None:
+def test_the_production_page_fits_a_small_window(produced: Served, seen: Seen) -> None:
     seen.page.set_viewport_size({"width": 700, "height": 1000})
-    seen.page.goto(f"http://127.0.0.1:{server.overview}/")
+    seen.page.goto(f"http://127.0.0.1:{produced.overview}/")
     expect(seen.page.locator(".ag-row").first).to_be_visible()
     expect(seen.page.locator("#sigma0-trend .points path").last).to_be_visible()
     assert seen.page.evaluate("document.documentElement.scrollWidth") <= 700

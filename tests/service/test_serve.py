@@ -25,6 +25,7 @@ from tasks.registry.registry import Registry
 from tasks.settings.registry import registry_address
 from tasks.store.run_lock import run_lock
 from tests.flows.conftest import write_block
+from tests.ports import free_port
 from tests.service.served import Served, engines_of, served, until
 from tests.service.stored_block import store_stages, write_stored_block
 from tests.tasks.registry.records import add, approve, record
@@ -144,6 +145,16 @@ def test_a_delivery_is_begun_when_it_is_complete_and_only_once(server: Served) -
     assert server.ended(again["id"])["state_name"] == "Completed"  # type: ignore[index]
     store = server.folder / "inbox" / "block-7" / "results" / ".store"
     assert len(list((store / "bundle_adjustment").iterdir())) == 1
+
+
+def test_a_second_server_does_not_take_deliveries_from_the_same_inbox(server: Served, tmp_path: Path) -> None:
+    inbox, state, port = str(server.folder / "inbox"), str(tmp_path / "state"), free_port("127.0.0.1")
+    words = ("serve", "--root", inbox, "--inbox", inbox, "--state", state, "--port", str(port))
+    second = subprocess.run(
+        [sys.executable, "-m", "flows.command", *words], capture_output=True, text=True, check=False
+    )
+    assert second.returncode == 1
+    assert f"Another server takes its deliveries from the inbox {inbox}" in " ".join(second.stderr.split())
 
 
 def test_a_cancelled_run_ends_with_its_process(server: Served) -> None:
