@@ -29,7 +29,9 @@ def calibration_verdict(found: CalibrationFigures) -> RenderableType:
     words, colour = _VERDICTS[found.verdict]
     verdict = Text(f"The flight is {words}.", style=f"bold {colour}")
     flown = Text(f"Flight pattern: {found.directions}; {found.heights}.")
-    said = [] if found.two_step is None else [Text(found.two_step.sentence)]
+    steps = found.two_step
+    # A contradiction is among the problems.
+    said = [] if steps is None or steps.sentence in found.reasons else [Text(steps.sentence)]
     return Group(verdict, flown, *said)
 
 

@@ -31,15 +31,12 @@ CONTRADICTION = 0.01
 _LEVEL = 1.0 - 0.5 * 0.001
 
 
-def comparison(
-    compared: Sequence[ComparedStepFigure], chi_squared: float, mountings: Sequence[str] = ()
-) -> StepComparisonFigure:
+def comparison(compared: Sequence[ComparedStepFigure], chi_squared: float) -> StepComparisonFigure:
     """The test of all differences together.
 
     Parameters
     ----------
     chi_squared : dᵀ C⁻¹ d with the sum of both covariance matrices.
-    mountings : a sentence for each camera whose images do not have one mounting.
     """
     probability = float(special.chdtrc(len(compared), chi_squared))
     largest = max(compared, key=lambda item: abs(item.t))
@@ -54,7 +51,7 @@ def comparison(
         chi_squared=chi_squared,
         freedom=len(compared),
         probability=probability,
-        sentence=" ".join((said, *mountings)),
+        sentence=said,
     )
 
 
@@ -101,7 +98,7 @@ def compared_steps(
     covariance += np.diag([sigma**2 for _, sigma in found])
     difference: Floats = np.array([item.difference for item, _ in found])
     chi_squared = float(difference @ np.linalg.solve(covariance, difference))
-    return comparison([item for item, _ in found], chi_squared, several_mountings(of_cameras))
+    return comparison([item for item, _ in found], chi_squared)
 
 
 def several_mountings(mountings: Mapping[str, Mapping[int, int]]) -> tuple[str, ...]:

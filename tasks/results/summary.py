@@ -156,12 +156,15 @@ def summary_of(notes: Sequence[Notes], gates: Gates, timings_s: Mapping[str, flo
     """Put the notes of all stages together (a later stage's figure counts) and test the gates.
 
     Problems are in the order of the stages, after the reasons against the result as a whole: what judges it
-    runs last, and states what follows from the findings of the stages before.
+    runs last, and states what follows from the findings of the stages before. What is a reason is not said
+    again.
     """
     figures = merged_figures(notes)
     results, untested = tested_gates(gates, figures)
-    reasons = (sentence for note in notes for sentence in note.reasons)
-    problems = (*reasons, *untested, *(sentence for note in notes for sentence in note.problems))
+    reasons = [sentence for note in notes for sentence in note.reasons]
+    found = (sentence for note in notes for sentence in note.problems)
+    others = (one for one in found if not any(reason.endswith(f": {one}") for reason in reasons))
+    problems = (*reasons, *untested, *others)
     content: dict[str, object] = {
         **figures,
         "status": "done" if all(result.passed for result in results) else "gate_failed",

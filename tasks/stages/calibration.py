@@ -109,7 +109,7 @@ def describe_calibration(
         software=software,
         sigma0=float(str(summary["sigma0"])),
         redundancy=redundancy,
-        remarks=(*remarks, *([steps.sentence] if steps is not None else [])),
+        remarks=(*remarks, *_remark_on(steps, found.of_flight)),
     )
     calibrated = bodies(cameras, images)
     for names in calibrated:
@@ -124,6 +124,11 @@ def describe_calibration(
     said = (*verdict.remarks, *remarks)
     figures = _figures(found, releases, steps, said)
     write_notes(folder, Notes((*reasons, *said), {CALIBRATION: figures.to_json()}, reasons=reasons))
+
+
+def _remark_on(steps: StepComparisonFigure | None, verdict: FlightVerdict) -> tuple[str, ...]:
+    """What the second step says, if it is no reason to refuse the calibration."""
+    return () if steps is None or steps.sentence in verdict.reasons else (steps.sentence,)
 
 
 def file_stem(camera: str, *, alone: bool) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
+from tasks.calibration.verdicts import REFUSED, RESTRICTED
 from tasks.document_kit.row_table import number_of, table_of, text_of
 from tasks.document_kit.table import Table, decimals_for
 from tasks.documents.report.material import Material
@@ -23,6 +26,15 @@ def calibration_tables(material: Material) -> tuple[Table, ...]:
     if found is None:
         return ()
     return _verdicts(material, found), _releases(found), _steps(found)
+
+
+def against(material: Material, said: Collection[str]) -> tuple[str, ...]:
+    """The reasons that refuse or restrict a calibration, without those that the page has already given."""
+    found = material.figures.calibration
+    if found is None:
+        return ()
+    of_both = ((REFUSED, found.reasons), (RESTRICTED, found.restrictions))
+    return tuple(f"{verdict}{one}" for verdict, reasons in of_both for one in reasons if one not in said)
 
 
 def _verdicts(material: Material, found: CalibrationFigures) -> Table:

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
+from tasks.calibration.verdicts import REFUSED, RESTRICTED
 from tasks.documents.report.material import IMAGE_POINTS, TOOK_PART, Material
 from tasks.documents.report.surveyed_differences import AXES
 from tasks.quantities import group_words, unit_words
@@ -82,7 +83,9 @@ def causes(material: Material) -> tuple[Cause, ...]:
 
 
 def remarks(material: Material, found: Sequence[Cause]) -> tuple[str, ...]:
-    """The problems of the run that verdict and causes have not mentioned."""
+    """The problems of the run that verdict, causes and the section on the calibration do not mention."""
+    calibration = material.figures.calibration
+    against = (REFUSED, RESTRICTED)
     said = {cause.sentence for cause in found}
     sigma0, test = material.summary.sigma0, material.figures.global_test
     if sigma0 is not None and test is not None and test.lower is not None:
@@ -94,7 +97,10 @@ def remarks(material: Material, found: Sequence[Cause]) -> tuple[str, ...]:
         if group.group in explained and not _misfits_as_a_whole(material, group)
     }
     said.add(rejected_control_words(_rejected_control(material)))
-    return tuple(sentence for sentence in material.summary.problems if sentence not in said)
+    others = (one for one in material.summary.problems if one not in said and not one.startswith(against))
+    if calibration is None or calibration.verdict == "accepted":
+        return tuple(others)
+    return (f"The calibration is {calibration.verdict}: see the section System calibration.", *others)
 
 
 def _misfits_as_a_whole(material: Material, group: GroupFigure) -> bool:

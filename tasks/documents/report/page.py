@@ -97,6 +97,7 @@ def render(
         version=software.get("aerocal", ""),
         flown=flown,
         problems=causes.remarks(material, found),
+        against=calibration.against(material, [sentence for place in named for sentence in place.sentences]),
         figures=material.figures,
         summary=material.summary,
         tables=tables,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import shutil
 from pathlib import Path
@@ -11,11 +12,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 from scipy import stats
 
+from flows.command.result_table import result_table
 from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
+from tasks.documents.certificate.words import in_words
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
@@ -160,6 +164,38 @@ def test_the_check_keeps_its_prediction_at_independent_points(accepted: RunOutco
     ratio = np.array(checked["rmse_m"]) / np.array(checked["predicted_rmse_m"])
     assert np.all(np.abs(ratio - 1.0) < 0.5)
     assert checked["at_control_of_calibration"]["points"][0] == 84
+
+
+def test_what_refuses_a_calibration_is_said_once(flight: Path, tmp_path: Path) -> None:
+    project = Path(shutil.copytree(flight.parent, tmp_path / "flight")) / flight.name
+    # Remounted: contradicted by the model, by what is rejected, and by the second step.
+    exposures = pd.read_csv(project.parent / "exposures.csv", dtype={"strip": str, "flight": str})
+    exposures.loc[exposures["strip"].str.match(".*(02f|02r|03f)$"), "pitch"] += 0.02
+    exposures.to_csv(project.parent / "exposures.csv", index=False)
+    outcome = calibrated(project)
+    found = figures(outcome)
+    against = (*found["reasons"], *found["restrictions"])
+    assert len(found["reasons"]) > 2
+    assert any("One-step and two-step calibration contradict" in reason for reason in against)
+    assert any("not flown with one mounting" in reason for reason in against)
+    console = Console(file=io.StringIO(), width=10_000, record=True)
+    console.print(result_table(outcome))
+    said = {
+        "summary": "\n".join(outcome.summary.problems),
+        "terminal": console.export_text(),
+        **{
+            name: Page((outcome.directory / f"{name}.html").read_text()).text
+            for name in ("report", "certificate")
+        },
+    }
+    # The certificate names quantities and settings by their meaning.
+    words = {where: [in_words(one) if where == "certificate" else one for one in against] for where in said}
+    times = {
+        (where, reason): " ".join(text.split()).count(reason)
+        for where, text in said.items()
+        for reason in words[where]
+    }
+    assert {key for key, number in times.items() if number != 1} == set()
 
 
 @pytest.mark.slow

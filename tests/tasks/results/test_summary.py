@@ -192,3 +192,12 @@ def test_a_figure_beyond_its_limit_does_not_look_like_one_that_meets_it(
     passed = value is not None and (value <= limit if bound == "max" else value >= limit)
     gate = GateResult(name="sigma0", value=value, limit=limit, unit="1", bound=bound, passed=passed)
     assert gate.words == expected
+
+
+def test_what_refuses_a_result_is_not_said_again_as_a_remark() -> None:
+    doubt = Notes(("the heights look wrong", "the block is weak"), {})
+    judged = Notes(("Refused: the heights look wrong",), {}, reasons=("Refused: the heights look wrong",))
+    assert summary_of([doubt, judged], Gates(), {}).problems == (
+        "Refused: the heights look wrong",
+        "the block is weak",
+    )
