@@ -20,7 +20,8 @@ from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
 from tasks.settings.base import Settings, meaning_of
 from tasks.settings.burn_in import BurnInSettings
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, HeldSigmas, MountingSettings
-from tasks.settings.cameras import CameraIdentity, CameraInput, CcdTiles, HeadSettings
+from tasks.settings.camera_identity import CameraIdentity
+from tasks.settings.cameras import CameraInput, CcdTiles, HeadSettings
 from tasks.settings.certificate import CertificateSettings, Laboratory, Signatory
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.deliver import DeliverSettings

@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from adjust.arrays import Floats
 from tasks.files.json_text import json_text
 from tasks.quantities import entity_kind
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 
 Verdict: TypeAlias = Literal["accepted", "restricted", "refused"]
 

@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tasks.calibration.record import CalibratedCamera, CalibrationRecord
 from tasks.files.json_text import JSON, json_text
-from tasks.settings.cameras import CameraIdentity, CameraInput
+from tasks.settings.camera_identity import CameraIdentity
+
+if TYPE_CHECKING:
+    from tasks.settings.cameras import CameraInput
 
 _PRODUCTS = {"virtual_image": "virtual image", "camera_head": "camera head"}
 # A null of a table is no text.

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 from tasks.formats.register import CAMERA_FORMATS, TABLE
 from tasks.magnitude import MOST_PIXELS
 from tasks.settings.base import InputPath, Settings, one_of, trouble
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.coordinates import Finite, Positive, Real, Triple, Whole
 from tasks.settings.table_layout import TableSettings
 
@@ -44,40 +45,6 @@ class CcdTiles(Settings):
             if any(after <= before for before, after in pairwise(seams)):
                 raise trouble(f"The seams {list(seams)} do not ascend.", f"Give {name} in ascending order.")
         return self
-
-
-def _is_none(value: object) -> bool:
-    """Records of cameras without it keep their digest."""
-    return value is None
-
-
-class CameraIdentity(Settings):
-    """Serial numbers of the calibrated camera; they decide where a calibration may be applied."""
-
-    manufacturer: str | None = None
-    """Manufacturer of the camera, for the certificate."""
-    type: str | None = None
-    """Type of the camera, for the certificate."""
-    body: str | None = None
-    """Serial number of the camera body."""
-    lens: str | None = None
-    """Serial number of the lens or lens cone."""
-    imu: str | None = None
-    """Serial number of the inertial measurement unit."""
-    mount: str | None = None
-    """Name of the installation in the aircraft; a new installation has a new boresight."""
-    band: str | None = Field(default=None, exclude_if=_is_none)
-    """Spectral band of the head, as its certificate names it, e.g. `PAN1` or `MS-Red`; heads of one body may
-    differ in nothing else.
-    """
-    software: str | None = Field(default=None, exclude_if=_is_none)
-    """Version of the manufacturer's software that made the images: another one may compose them with another
-    size or correct other distortions.
-    """
-    product: Literal["virtual_image", "camera_head"] = "virtual_image"
-    """Type of image: the composed `virtual_image` of a multi-head camera (or the image of a single-head one),
-    or one `camera_head`. The calibration of one is never applied to the other.
-    """
 
 
 @dataclass(frozen=True)

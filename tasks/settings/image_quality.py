@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.base import InputPath, InputPaths, Settings, trouble
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.coordinates import Positive, Real, Whole
 from tasks.settings.image_motion import MotionSettings
 from tasks.settings.sensor_quality import SensorSettings

@@ -18,7 +18,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.deliveries.cameras import write_cameras
 from tasks.registry.calibration_file import read_calibrations
 from tasks.registry.registry import Registry, Signature
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.coordinates import ELLIPSOIDAL
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation

@@ -18,7 +18,7 @@ from flows.stories.system_calibration import system_calibration
 from tasks.documents.report.export import export_figures
 from tasks.documents.time_series.page import write_time_series
 from tasks.registry.registry import Registry
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.registry import registry_address
 from tests.chromium import complaints
 from tests.flows.hostile_names import CAMERA, IDENTITY, PAYLOADS, PROJECT, fly

@@ -15,7 +15,7 @@ from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.calibration.record import CalibratedCamera, CalibrationRecord
 from tasks.registry.registry import Registry
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.registry import REGISTRY_VARIABLE, registry_address
 from tests.flows.adjustment_alone import adjustment_alone
 from tests.flows.conftest import COLUMNS, FOCAL_LENGTH_MM, PIXEL_UM, ROWS

@@ -17,7 +17,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from flows.command.main import app
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.registry import registry_address
 from tests.postgresql_server import PASSWORD, PostgresqlServer
 from tests.tasks.documents.report.page_reader import Page
@@ -400,7 +400,8 @@ def test_help_teaches_and_comes_without_the_database(console: Console) -> None:
     for word in ("add", "approve", "verify", "Exit codes", "AEROCAL_REGISTRY", "project.flown"):
         assert word in done.stdout
     # Nor does a run that asks no registry; and a list needs neither tables nor statistics.
-    loaded = "import flows.command.registry_tables, sys; print({'pandas', 'scipy'} & {*sys.modules})"
+    heavy = "{'pandas', 'scipy', 'pyproj', 'tasks.formats.register'}"
+    loaded = f"import flows.command.registry_tables, sys; print({heavy} & {{*sys.modules}})"
     found = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "set()"
     loaded = "import flows.command.main, flows.runs.project_run, sys; print('sqlalchemy' in sys.modules)"

@@ -20,7 +20,7 @@ from tasks.documents.certificate.effect_section import cut_to_format
 from tasks.documents.certificate.material import CertificateMaterial
 from tasks.documents.report.rig_heads import HEADS_NOTE, has_heads, head_tables, platform_table
 from tasks.documents.report.virtual_image import virtual_image_plot, virtual_image_table, virtual_images
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 
 NOT_DECLARED = "not declared"
 _PRODUCTS = {

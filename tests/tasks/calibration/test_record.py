@@ -11,7 +11,7 @@ from tasks.calibration.record import (
     CalibrationFlight,
     CalibrationRecord,
 )
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 
 
 def parameter(name: str, value: float, sigma: float | None) -> CalibratedParameter:

@@ -13,7 +13,7 @@ from tasks.deliveries.cameras import taken_from_registry
 from tasks.errors import InputError
 from tasks.georeferencing.registered_cameras import with_registered_cameras
 from tasks.registry.registry import Registry
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.load import load_project
 from tasks.settings.project import Project
 from tasks.settings.registry import REGISTRY_VARIABLE, registry_address

@@ -18,7 +18,7 @@ from tasks.registry.calibration_file import SealedRecord
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import BEGINNING, Event, Validity
 from tasks.registry.registry import Registry, Signature
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 
 NAMES = ("focal_length", "principal_point_x", "principal_point_y", "boresight_roll", "bluh:9")
 UNITS = ("mm", "mm", "mm", "deg", "1/mm²")

@@ -13,7 +13,7 @@ from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.identity import CameraBody
 from tasks.registry.series import series_of
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tests.tasks.registry.records import SIGMAS, VALUES, changed, record, stored
 
 FIRST = date(2020, 6, 1)  # from when on every stored calibration is approved

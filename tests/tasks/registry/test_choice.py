@@ -12,7 +12,7 @@ from tasks.errors import InputError
 from tasks.registry.choice import chosen_calibration
 from tasks.registry.identity import CameraBody
 from tasks.registry.registry import Registry
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.registry import registry_address
 from tests.tasks.registry.records import add, approve, changed, record
 

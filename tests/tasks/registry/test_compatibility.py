@@ -8,7 +8,7 @@ from scipy import stats
 
 from tasks.calibration.record import CalibratedCamera, CalibrationRecord
 from tasks.registry.compatibility import ERROR_PROBABILITY, compatibility, quadratic_form, single_limit
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tests.tasks.registry.records import NAMES, SIGMAS, VALUES, covariance, parameter, record
 
 

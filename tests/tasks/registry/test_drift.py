@@ -12,7 +12,7 @@ from adjust.arrays import Floats
 from tasks.calibration.record import CalibrationRecord
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.drift import DRIFT_PROBABILITY, Drift, DriftLimits, by_day, drifts_of
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tests.tasks.registry.records import NAMES, SIGMAS, VALUES, covariance, parameter, record, stored
 
 FIRST_DAY = date(2020, 5, 1)

@@ -14,7 +14,7 @@ from tasks.registry.contents import Contents
 from tasks.registry.due import CameraDue, DueLimits, due_of
 from tasks.registry.registry import Registry
 from tasks.registry.watch import as_json, watch_of
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tests.tasks.registry.records import SIGMAS, VALUES, add, approve, changed, parameter, record, stored
 
 SPRING, SUMMER, AUTUMN = date(2024, 3, 1), date(2024, 6, 1), date(2024, 9, 1)

@@ -19,7 +19,7 @@ from tasks.registry.choice import chosen_calibration
 from tasks.registry.identity import CameraBody
 from tasks.registry.registry import Registry, Signature
 from tasks.registry.series import series_of
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tests.tasks.registry.records import add, approve, changed, record
 
 SQL = (

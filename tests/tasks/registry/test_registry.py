@@ -14,7 +14,7 @@ from tasks.registry.calibration_file import SealedRecord
 from tasks.registry.history import Validity
 from tasks.registry.registry import Registry, Signature
 from tasks.registry.tables import COVARIANCES, PARAMETERS, SCHEMA
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tests.tasks.registry.records import (
     ENGINEER,
     NAMES,

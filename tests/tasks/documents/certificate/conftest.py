@@ -19,7 +19,7 @@ from tasks.documents.certificate.compose import content_of
 from tasks.documents.certificate.content import CertificateContent
 from tasks.documents.certificate.material import CertificateMaterial, read_certificate_material
 from tasks.results.summary import summary_of
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.settings.project import Project

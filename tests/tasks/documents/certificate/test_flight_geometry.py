@@ -9,7 +9,7 @@ import pytest
 from tasks.calibration.record import CalibratedCamera
 from tasks.documents.certificate.flight_geometry import StripGroup, strip_groups
 from tasks.documents.certificate.flight_section import axis_words
-from tasks.settings.cameras import CameraIdentity
+from tasks.settings.camera_identity import CameraIdentity
 
 #: 1,000 × 2,000 px with 0.1 m on the ground: 100 m along the columns, 200 m along the rows.
 GSD, HEIGHT = 0.1, 500.0
