@@ -18,8 +18,8 @@ from tasks.handover.results import CalibratedCamera
 # Intervals along each side that are tried, and the misfit that is small enough, metres.
 _INTERVALS = (16, 32, 64, 128)
 _ENOUGH = 0.05e-6
-# Points along each side at which the misfit is taken; none of them is a node twice.
-_CHECKED = 211
+# Places in each interval where the misfit is taken, one of them its middle; and along a side.
+_CHECKED, _LEAST_CHECKED = 5, 211
 # What no digit shows is not a correction, metres.
 _LEAST = 1e-9
 
@@ -92,11 +92,12 @@ def distortion_grids(camera: CalibratedCamera) -> CameraGrids:
     InputError
         If a node has no measured point, as where a distortion folds back.
     """
-    measured = _spread(camera, (_CHECKED, _CHECKED)).reshape(-1, 2)
-    ideal = ideal_points(camera, measured)
-    inside = (np.abs(ideal) <= camera.frame.half_format).all(axis=1)
     for least in _INTERVALS:
-        nodes = _spread(camera, _sides(camera, least))
+        columns, rows = _sides(camera, least)
+        nodes = _spread(camera, np.linspace(-1.0, 1.0, columns), np.linspace(-1.0, 1.0, rows))
+        measured = _spread(camera, _between(columns), _between(rows)).reshape(-1, 2)
+        ideal = ideal_points(camera, measured)
+        inside = (np.abs(ideal) <= camera.frame.half_format).all(axis=1)
         x, y, flat = nodes[0, :, 0], nodes[:, 0, 1], nodes.reshape(-1, 2)
         forth = DistortionGrid(x, y, ideal_points(camera, flat).reshape(nodes.shape))
         back = DistortionGrid(x, y, measured_points(camera, flat).reshape(nodes.shape))
@@ -126,13 +127,17 @@ def _with_misfit(grid: DistortionGrid, xy: Floats, moved: Floats) -> DistortionG
     return replace(grid, misfit=float(away.max()), rms=float(np.sqrt(np.mean(away**2))))
 
 
-def _spread(camera: CalibratedCamera, sides: tuple[int, int]) -> Floats:
-    """(l, k, 2) points over the format, border to border; k along x, l along y."""
-    along = [
-        half * np.linspace(-1.0, 1.0, side)
-        for half, side in zip(camera.frame.half_format, sides, strict=True)
-    ]
-    return np.stack(np.meshgrid(*along), axis=-1)
+def _between(nodes: int) -> Floats:
+    """Places between nodes, alike in every interval; the outermost nodes are at -1 and 1."""
+    number = max(_CHECKED, -(-_LEAST_CHECKED // (nodes - 1)) // 2 * 2 + 1)
+    parts = (np.arange(number) + 0.5) / number
+    return np.asarray(2.0 * (np.arange(nodes - 1)[:, None] + parts).ravel() / (nodes - 1) - 1.0)
+
+
+def _spread(camera: CalibratedCamera, x: Floats, y: Floats) -> Floats:
+    """(l, k, 2) points over the format at places (k,) along x and (l,) along y; the borders are -1 and 1."""
+    half_x, half_y = camera.frame.half_format
+    return np.stack(np.meshgrid(half_x * x, half_y * y), axis=-1)
 
 
 def _interval(nodes: Floats, values: Floats) -> tuple[np.ndarray, Floats]:

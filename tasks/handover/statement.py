@@ -202,7 +202,8 @@ def _about_grids(delivery: Delivery, form: DeliveryFormat) -> list[str]:
             f"interpolation reproduces the correction to {largest * 1e6:.3f} µm (root mean square "
             f"{max(forth.rms, back.rms) * 1e6:.3f} µm)."
             + (
-                " This is more than 0.1 µm: the correction has a step or a bend between nodes."
+                " This is more than 0.1 µm: between nodes the correction has a step, a bend, or too strong a "
+                "curvature for so many nodes. Corrected image points (--to corrected-csv) are exact."
                 if largest > NOTEWORTHY
                 else ""
             )
