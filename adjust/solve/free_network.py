@@ -180,10 +180,20 @@ def _scale(normals: ReducedNormals, movements: Floats, diagonal: Floats) -> Floa
 
     TᵀC T of the information C is one where it is as large as that of one exposure, or of one system
     parameter, if all else were known.
+
+    Raises
+    ------
+    InconsistentBlockError : if nothing is known of the exposures.
     """
     metric = np.einsum("nik,ni,nil->kl", movements, normals.diagonal_exposure, movements) / len(movements)
     scale = np.diag(np.concatenate([np.ones(7), 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))]))
-    scale[:7, :7] = np.linalg.inv(np.linalg.cholesky(metric)).T
+    try:
+        scale[:7, :7] = np.linalg.inv(np.linalg.cholesky(metric)).T
+    except np.linalg.LinAlgError as error:
+        raise InconsistentBlockError(
+            "Nothing in the free network has a shape: no object point is measured in two images. Add image "
+            "points that are common to images, or observations that fix the block."
+        ) from error
     return scale
 
 

@@ -123,7 +123,7 @@ class HelmertFactor:
                 continue
             images, own_rows = front.images[: front.own], x[own]
             scaled = _over(self.scale_exposure[images], many) * rhs[images]
-            own_rows[: 6 * front.own] += scaled.reshape(-1, *many)
+            own_rows[: 6 * front.own] += scaled.reshape(6 * front.own, *many)
             used = _columns_in_use(own_rows)
             mine = x[own, used]
             dense_algebra.solve_lower(factor.lower, mine)

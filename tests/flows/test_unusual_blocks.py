@@ -40,6 +40,11 @@ def change(path: Path, edit: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
     edit(pd.read_csv(path, dtype=str, keep_default_na=False)).to_csv(path, index=False)
 
 
+def keep_images(project: Path, *images: str) -> None:
+    for name in ("exposures", "image_points"):
+        change(project / f"{name}.csv", lambda table: table[table["image"].isin(images)])
+
+
 def assert_true(project: Path, outcome: RunOutcome) -> None:
     assert outcome.error is None, outcome.error
     assert compare_with_truth(project, outcome.directory).contradictions() == ()
@@ -122,6 +127,25 @@ def test_a_second_camera_that_took_no_image_does_not_disturb(delivered: Path) ->
     spare = text[start:end].replace("UCE-80", "spare")
     (delivered / "project.toml").write_text(text[:end].rstrip("[") + spare + text[end:])
     assert_true(delivered, run(delivered))
+
+
+def test_mean_residuals_of_one_image_indicate_no_correction(delivered: Path) -> None:
+    keep_images(delivered, "E01_002")
+    outcome = run(delivered, "adjustment.residual_grid.iterations=3")
+    assert outcome.error is None, outcome.error
+    assert any("chance alone explains the mean residuals" in text for text in outcome.summary.problems)
+
+
+@pytest.mark.parametrize(
+    "images", [("E01_002",), ("E01_001", "N02_004")], ids=["one image", "no common point"]
+)
+def test_a_free_network_without_a_point_in_two_images_is_refused(
+    delivered: Path, images: tuple[str, ...]
+) -> None:
+    keep_images(delivered, *images)
+    outcome = run(delivered, "adjustment.datum=free_network", "adjustment.observe=[]", "adjustment.free=[]")
+    assert outcome.summary.status == "not_computable"
+    assert "no object point is measured in two images" in str(outcome.error)
 
 
 def test_two_cameras_have_a_boresight_each(delivered: Path) -> None:

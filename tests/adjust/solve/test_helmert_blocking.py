@@ -97,6 +97,18 @@ def test_solution_and_selected_inverse_are_those_of_the_dense_matrix(
     check(*flight(strips, length, reach), border, largest_part)
 
 
+def test_no_right_hand_sides_have_no_solutions() -> None:
+    pattern, position = flight(2, 3, 1)
+    blocks, of_border, corner, _ = positive_matrix(pattern, 2, seed=1)
+    factor = factorize_blocks(
+        HelmertBlocking.of(pattern, position, 3), blocks, of_border, corner, np.ones((6, 6)), np.ones(2), 1
+    )
+    assert factor is not None
+    of_exposures, of_parameters = factor.solve(np.empty((6, 6, 0)), np.empty((2, 0)))
+    assert of_exposures.shape == (6, 6, 0)
+    assert of_parameters.shape == (2, 0)
+
+
 def test_a_block_in_two_pieces_that_share_no_point_is_factorised() -> None:
     adjacent = np.zeros((12, 12), dtype=bool)
     adjacent[:6, :6] = adjacent[6:, 6:] = True
