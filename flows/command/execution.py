@@ -75,4 +75,6 @@ def ended(outcome: RunOutcome, show: Callable[[RunOutcome], None], *, as_json: b
         show(outcome)
     if outcome.error is not None:
         complain(outcome.error)
+        for sentence in outcome.summary.problems[1:]:
+            remark(sentence)
     return OF_STATUS[outcome.summary.status]

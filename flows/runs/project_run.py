@@ -232,7 +232,7 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     trouble = trouble_of_folder(request.directory) or foreign_document(request.directory)
     if trouble is not None:
         # There, its summary cannot be written either.
-        return RunOutcome(request, failed_summary("input_error", str(trouble), {}), str(trouble))
+        return RunOutcome(request, failed_summary("input_error", (str(trouble),), {}), str(trouble))
     store = request.store()
     try:
         read = request.read()
@@ -259,11 +259,15 @@ def _say_what_is_between_results(request: RunRequest, read: object) -> None:
 
 
 def _without_result(request: RunRequest, store: Store, error: InputError | NotComputableError) -> RunOutcome:
-    """State in summary.json why there is no result; all other files are left unchanged."""
-    summary = failed_summary(
-        "input_error" if isinstance(error, InputError) else "not_computable",
-        str(error),
-        timings_s(read_records(store.folder)),
+    """State in summary.json why there is no result; all other files are left unchanged.
+
+    What cannot be computed often has its cause in what the stages before have noted of the delivery.
+    """
+    timings = timings_s(read_records(store.folder))
+    summary = (
+        failed_summary("input_error", (str(error),), timings)
+        if isinstance(error, InputError)
+        else failed_summary("not_computable", (str(error), *store.remarks()), timings)
     )
     # A mistyped project path must not leave a results folder in some unrelated place.
     if request.place is not None or is_there(request.project_file):

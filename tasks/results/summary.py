@@ -189,10 +189,10 @@ def summary_of_figures(figures: Mapping[str, JSON]) -> Summary:
 
 
 def failed_summary(
-    status: Literal["input_error", "not_computable"], problem: str, timings_s: Mapping[str, float]
+    status: Literal["input_error", "not_computable"], problems: Sequence[str], timings_s: Mapping[str, float]
 ) -> Summary:
-    """The summary of a run without a result: why there is none, and null for everything else."""
-    return Summary(status=status, timings_s=timings_s, problems=(problem,))
+    """The summary of a run without a result: first of all why there is none; null for everything else."""
+    return Summary(status=status, timings_s=timings_s, problems=tuple(problems))
 
 
 def write_summary(directory: Path, summary: Summary) -> None:

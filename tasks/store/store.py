@@ -23,7 +23,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import wraps
@@ -40,9 +40,10 @@ from tasks.store.artifact import (
     digest_of_unchanged,
     forget_digests,
 )
+from tasks.store.notes import NOTES
 from tasks.store.remote import Remote
 from tasks.store.stage_key import InputFile, StageKey, differences, input_files, stage_key
-from tasks.store.stage_record import StageRecord, clear_records, keep_record, utc_now
+from tasks.store.stage_record import StageRecord, clear_records, keep_record, read_records, utc_now
 
 P = ParamSpec("P")
 Outputs = dict[str, Artifact]
@@ -131,6 +132,16 @@ class Store:
         old = newest.get("key_parts")
         changed = differences(old, key.parts) if isinstance(old, Mapping) else ()
         return f"changed: {', '.join(changed)}" if changed else "no usable earlier result"
+
+    def remarks(self) -> tuple[str, ...]:
+        """The problems that the finished stages of the current run have noted, in their order, each once."""
+        places = (self.folder / item.stage / item.key / NOTES for item in read_records(self.folder))
+        sentences = (
+            cast(Sequence[str], cast(Mapping[str, JSON], read_json(place))["problems"])
+            for place in places
+            if place.exists()
+        )
+        return tuple(dict.fromkeys(sentence for problems in sentences for sentence in problems))
 
     def newest(self, stage: str, without: str = "") -> Mapping[str, JSON] | None:
         """The list of a stage's newest output, except that of a key; None: there is none; empty: damaged."""

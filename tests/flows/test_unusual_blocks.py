@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
+from tests.command_line import aerocal
 from tests.flows.adjustment_alone import adjustment_alone
 
 ANGLES = ["heading", "pitch", "roll"]
@@ -112,6 +114,19 @@ def test_nothing_fixes_a_block_of_image_points_alone(delivered: Path) -> None:
     outcome = run(delivered, "adjustment.observe=[]", "adjustment.free=[]")
     assert outcome.summary.status == "not_computable"
     assert "rank defect of 7" in str(outcome.error)
+
+
+def test_what_the_files_show_is_said_where_the_adjustment_cannot_be_computed(delivered: Path) -> None:
+    """Control points that are called otherwise in the image points fix nothing."""
+    change(delivered / "control.csv", lambda table: table.assign(point="P" + table["point"]))
+    done = aerocal("adjust", delivered / "project.toml")
+    assert done.returncode == 3
+    assert "gnss_shift_x" in done.stderr
+    unused = "84 of 84 control and check points are not measured in any image"
+    assert f"Remark: {unused}" in done.stderr
+    first, *others = json.loads((delivered / "results/summary.json").read_text())["problems"]
+    assert "rank defect" in first
+    assert any(unused in sentence for sentence in others)
 
 
 def test_boresight_without_ins_is_refused_by_name(delivered: Path) -> None:

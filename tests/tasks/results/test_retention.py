@@ -82,7 +82,7 @@ class Folder:
             else:
                 made = multiply_numbers(self.store, scaled={"only": scaled})
             records = read_records(self.store.folder)
-            put_out(self.store, self.project, [made[kind]], failed_summary("input_error", "", {}), (kind,))
+            put_out(self.store, self.project, [made[kind]], failed_summary("input_error", ("",), {}), (kind,))
             self.last[kind] = (start, factor)
         return [record.stage for record in records if not record.reused]
 

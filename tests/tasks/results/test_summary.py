@@ -166,7 +166,7 @@ def test_a_gate_of_a_trust_map_that_nothing_limits_says_where() -> None:
 
 
 def test_a_run_without_a_result_has_the_same_fields(tmp_path: Path) -> None:
-    write_summary(tmp_path, failed_summary("input_error", "The file is empty.", {}))
+    write_summary(tmp_path, failed_summary("input_error", ("The file is empty.",), {}))
     content = json.loads((tmp_path / "summary.json").read_text())
     assert set(content) == FIELDS
     assert content["status"] == "input_error"
