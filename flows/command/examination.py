@@ -82,11 +82,13 @@ def _residuals(fit: Mapping[str, JSON]) -> Table:
 
 def _differences(control: Sequence[Mapping[str, JSON]]) -> Table:
     """The control points with the largest differences, largest first."""
-    by_size = sorted(control, key=lambda point: -max(map(abs, _difference(point))))
+    by_size = sorted(control, key=lambda point: -max(abs(value or 0.0) for value in _difference(point)))
     table = _columns("point", "rays", "east, m", "north, m", "height, m")
     for point in by_size[:_MOST]:
         table.add_row(
-            str(point["point"]), str(point["rays"]), *(f"{value:+.3f}" for value in _difference(point))
+            str(point["point"]),
+            str(point["rays"]),
+            *("–" if value is None else f"{value:+.3f}" for value in _difference(point)),
         )
     if len(control) > _MOST:
         table.caption = f"and {len(control) - _MOST:,} more, with smaller differences (--json has all)"
@@ -94,10 +96,9 @@ def _differences(control: Sequence[Mapping[str, JSON]]) -> Table:
     return table
 
 
-def _difference(point: Mapping[str, JSON]) -> tuple[float, float, float]:
-    """(east, north, height), metres."""
-    dx, dy, dz = (cast(float, point[name]) for name in ("dx_m", "dy_m", "dz_m"))
-    return dx, dy, dz
+def _difference(point: Mapping[str, JSON]) -> tuple[float | None, ...]:
+    """(east, north, height), metres; None where the point was not surveyed."""
+    return tuple(cast(float | None, point[name]) for name in ("dx_m", "dy_m", "dz_m"))
 
 
 def _columns(*names: str) -> Table:

@@ -247,6 +247,18 @@ def test_the_doctor_reads_and_publishes_nothing(block: Path) -> None:
     }
 
 
+def test_the_doctor_shows_what_was_not_surveyed_of_a_point_as_a_dash(block: Path) -> None:
+    control = pd.read_csv(block.parent / "control.csv", dtype=str)
+    name = str(control.loc[0, "point"])
+    control.loc[0, ["x", "y"]] = ""
+    control.to_csv(block.parent / "control.csv", index=False)
+    done = aerocal("doctor", block)
+    assert done.returncode == 0, done.stderr
+    shown = done.stdout.partition("Control points: intersected")[2].splitlines()
+    (line,) = (row for row in shown if row.startswith(f"{name} "))
+    assert line.split()[2:4] == ["–", "–"]
+
+
 def test_the_doctor_ends_with_2_on_wrong_input(block: Path) -> None:
     with (block.parent / "image_points.csv").open("a") as stream:
         stream.write("1_0011,p1,10,10\n")
