@@ -10,6 +10,7 @@ import pandas as pd
 
 from tasks.deliveries.image_points import without_image_points
 from tasks.formats.meanings import IMAGE_POINT_MEANINGS
+from tasks.nearest_name import look_alike, plain
 from tasks.plausibility.mistake import Mistake
 
 _MOST_NAMES = 8
@@ -48,18 +49,23 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
 
 
 def spelled_otherwise(missing: Sequence[str], known: Collection[str]) -> str:
-    """A sentence about missing names that others resemble but for case, signs and leading zeros, or none."""
+    """A sentence about missing names that others resemble but for what `_spelling` leaves out, or none."""
     by_key = {_spelling(name): name for name in reversed(list(known))}
     found = [(name, by_key[_spelling(name)]) for name in missing if _spelling(name) in by_key]
     if not found:
         return ""
     pairs = ", ".join(f"'{name}' may be '{other}'" for name, other in found[:_MOST_PAIRS])
-    return f" Names of {len(found):,} of them are spelled otherwise in the image points: {pairs}."
+    others = f" Names of {len(found):,} of them are spelled otherwise in the image points: {pairs}."
+    return others + look_alike(*found[0])
 
 
 def _spelling(name: str) -> str:
-    """A name without case, zeros before a number, and signs between a word and its number."""
-    return re.sub(r"(?<!\d)0+(?=\d)", "", re.sub(r"(?<=[^\W\d_])[\s_.-]+(?=\d)", "", name.strip().casefold()))
+    """A name without case, zeros before a number and signs between a word and its number.
+
+    Nor with the encoding of its accents, and the decimals of a spreadsheet after a whole number.
+    """
+    whole = re.sub(r"(?<=\d)\.0$", "", plain(name).strip().casefold())
+    return re.sub(r"(?<!\d)0+(?=\d)", "", re.sub(r"(?<=[^\W\d_])[\s_.-]+(?=\d)", "", whole))
 
 
 def _without_control(groups: pd.Series, measured: pd.DataFrame, control: pd.DataFrame) -> str:

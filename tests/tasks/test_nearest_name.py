@@ -20,3 +20,11 @@ def test_long_lists_are_cut_short():
 
 def test_no_names_at_all_are_said():
     assert did_you_mean("a", []) == "There are none."
+
+
+def test_names_that_look_the_same_are_told_apart_by_their_characters():
+    text = did_you_mean("Fl\u00fcg 1", ["Flu\u0308g 1", "Flug 2"])
+    assert text.startswith("Did you mean 'Flu\u0308g 1'? They look alike")
+    assert r"'Fl\xfcg 1' and 'Flu\u0308g 1'" in text
+    assert r"'a\xa01'" in did_you_mean("a 1", ["a\xa01"])
+    assert "alike" not in did_you_mean("a 1", ["a 2"])
