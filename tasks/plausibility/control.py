@@ -15,9 +15,16 @@ from tasks.errors import InputError
 from tasks.plausibility.declared_accuracy import ExpectedIntersections
 from tasks.tables.places import places_of
 
-# A common height difference is a matter of the datum when it exceeds this many times its own scatter.
-_COMMON_HEIGHT = 5.0
+# A common difference is a matter of the datum when it exceeds this many times its own scatter.
+_COMMON_SCATTER = 5.0
 _COMMON_HEIGHT_M = 5.0
+_COMMON_PLAN_M = 2.0
+# No geoid is further from the ellipsoid.
+LARGEST_UNDULATION_M = 120.0
+# Fewer points differ by their own mistakes.
+_LEAST_COMMON = 3
+# No camera is mounted otherwise than stated by more.
+_LARGEST_TILT_DEG = 5.0
 # Positions of one receiver may be wrong together, by no more than this many of their σ.
 _COMMON_SIGMAS = 3.0
 
@@ -78,7 +85,7 @@ def check_control(
 
     Returns
     -------
-    problems : sentences about height systems and points that stand out.
+    problems : sentences about height systems and datums.
 
     Raises
     ------
@@ -88,12 +95,14 @@ def check_control(
     limit_m = expected.limit_m
     distance = np.linalg.norm(np.nan_to_num(differences.enu), axis=1)
     far = distance > limit_m
-    heights = _common_height(differences, expected)
+    heights, datum = _common_height(differences, expected), _common_plan(differences, expected)
     if not far.any():
-        return [] if heights is None else [f"{heights[0]} {heights[1]}"]
+        return [f"{what} {remedy}" for what, remedy in filter(None, (heights, datum))]
     plan = np.linalg.norm(np.nan_to_num(differences.enu[:, :2]), axis=1)
     if heights is not None and (plan <= limit_m).all():
         raise InputError(*heights)
+    if datum is not None and (np.linalg.norm(_about_median(differences.enu), axis=1) <= limit_m).all():
+        raise InputError(*datum)
     if _swapped(differences, far, table, map_frame, frame, limit_m):
         raise InputError(
             f"x and y of {int(far.sum())} control points look swapped: with x and y exchanged they lie "
@@ -148,22 +157,72 @@ def _common_height(
     if len(up) == 0:
         return None
     median = float(np.median(up))
-    scatter = float(np.median(np.abs(up - median))) * 1.4826 if len(up) >= 3 else expected.sigma_m
-    notable = max(_COMMON_HEIGHT_M, _COMMON_HEIGHT * scatter, _COMMON_SIGMAS * expected.common_m)
+    scatter = float(_scatter(up[:, None])) if len(up) >= _LEAST_COMMON else expected.sigma_m
+    notable = max(_COMMON_HEIGHT_M, _COMMON_SCATTER * scatter, _COMMON_SIGMAS * expected.common_m)
     if abs(median) < notable:
         return None
     points = "the one surveyed point comes" if len(up) == 1 else f"{len(up)} surveyed points come"
-    spread = f" (scatter {scatter:.1f} m)" if len(up) >= 3 else ""
+    spread = f" (scatter {scatter:.1f} m)" if len(up) >= _LEAST_COMMON else ""
     focal_length = 100.0 * abs(median) / expected.height if expected.height > 0.0 else np.inf
     alike = (
         f"; a focal-length error of {focal_length:.1f} % would have the same effect"
         if focal_length < 10.0
         else ""
     )
+    found = (
+        f"with the given orientations {points} out {abs(median):.1f} m "
+        f"{'higher' if median > 0.0 else 'lower'} than given{spread}."
+    )
+    if abs(median) > LARGEST_UNDULATION_M:
+        return (
+            f"The heights of exposures and control do not belong together: {found}",
+            "No geoid is so far from the ellipsoid: check the unit of the heights of both inputs "
+            f"(height_unit), and their sign{alike}.",
+        )
     return (
         "The heights of exposures and control refer to different height systems (geoid undulation?): "
-        f"with the given orientations {points} out {abs(median):.1f} m "
-        f"{'higher' if median > 0.0 else 'lower'} than given{spread}.",
+        f"{found}",
         "Check `heights` of both inputs: ellipsoidal heights and altitudes above the geoid differ by the "
         f"undulation{alike}.",
     )
+
+
+def _common_plan(differences: ControlDifferences, expected: ExpectedIntersections) -> tuple[str, str] | None:
+    """What is wrong and its remedy if all points differ by the same amount in plan, as between two datums."""
+    plan = differences.enu[:, :2]
+    plan = plan[np.isfinite(plan).all(axis=1)]
+    if len(plan) < _LEAST_COMMON:
+        return None
+    east, north = np.median(plan, axis=0)
+    size, scatter = float(np.hypot(east, north)), float(_scatter(plan))
+    if size < max(_COMMON_PLAN_M, _COMMON_SCATTER * scatter, expected.sigma_m):
+        return None
+    parts = (
+        f"{abs(value):,.1f} m {words[int(value > 0.0)]}"
+        for value, words in ((east, ("west", "east")), (north, ("south", "north")))
+        if abs(value) > scatter
+    )
+    tilt = np.rad2deg(size / expected.height) if expected.height > 0.0 else np.inf
+    alike = f"; where all strips run in one direction, a boresight of {tilt:.2f}° has the same effect"
+    gnss = (
+        f" An error common to all positions is gnss_shift (adjustment.free)"
+        f"{alike if tilt < _LARGEST_TILT_DEG else ''}."
+    )
+    return (
+        "The coordinates of exposures and control look like those of different datums: with the given "
+        f"orientations {len(plan)} surveyed points come out {' and '.join(parts)} of what is given (scatter "
+        f"{scatter:.1f} m).",
+        "Check `crs` and units of both inputs (us-ft and ft differ by 2 ppm of the coordinates)."
+        f"{gnss if size <= expected.limit_m else ''}",
+    )
+
+
+def _about_median(enu: Floats) -> Floats:
+    """Differences (k, 3) less what all have in common in plan."""
+    plan = np.nanmedian(enu[:, :2], axis=0)
+    return np.nan_to_num(enu - np.array([plan[0], plan[1], 0.0]))
+
+
+def _scatter(values: Floats) -> Floats:
+    """Robust standard deviation of values (k, c) about their medians, of the component with the largest."""
+    return np.asarray(1.4826 * np.median(np.abs(values - np.median(values, axis=0)), axis=0).max())

@@ -18,6 +18,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, local_from_map
 from tasks.deliveries.length_units import METRES_PER_UNIT
 from tasks.errors import InputError
+from tasks.plausibility.control import LARGEST_UNDULATION_M
 from tasks.plausibility.declared_accuracy import ExpectedIntersections
 from tasks.plausibility.hypotheses import Delivered
 from tasks.plausibility.mistake import Mistake
@@ -27,8 +28,6 @@ _MARGIN = 3.0
 # Less is not a mistake of units, zones or heights.
 _NOTABLE_M = 5.0
 _NOTABLE_SIGMAS = 5.0
-# No geoid is further from the ellipsoid.
-_LARGEST_UNDULATION_M = 120.0
 _FOOT = METRES_PER_UNIT["ft"]
 # Zones to both sides of the declared one.
 _ZONES = (1, -1, 2, -2)
@@ -185,7 +184,7 @@ def _heights(place: _Place) -> Iterator[_Trial]:
     local_from_enu = np.asarray(place.survey.frame.local_from_enu(place.given))
     up = np.einsum("nji,nj->ni", local_from_enu, place.here - place.given)[:, 2]
     offset = float(np.median(up))
-    if abs(offset) <= _LARGEST_UNDULATION_M:
+    if abs(offset) <= LARGEST_UNDULATION_M:
         yield _Trial(
             "The heights of exposures and control refer to different height systems (geoid undulation?): the "
             f"intersections are {abs(offset):.1f} m {'higher' if offset > 0.0 else 'lower'} than given.",

@@ -129,6 +129,43 @@ def test_wherever_the_limit_of_control_lies_heights_are_named_as_heights(
     assert "control point" not in said
 
 
+@pytest.mark.parametrize("block", BY_OPK_DAILY, indirect=True)
+@pytest.mark.parametrize("shift_m", [3.0, pytest.param(20.0, marks=pytest.mark.slow), 200.0])
+def test_positions_in_another_datum_are_named(block: Path, named, shift_m: float) -> None:
+    """The GNSS shift takes what is below the limit of control points; beyond it no point is to blame."""
+    said = named(block, lambda table: table.assign(x=table["x"] + shift_m))
+    assert "different datums" in said
+    found = re.search(r"84 surveyed points come out ([\d.]+) m (?:east|north)", said)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(shift_m, abs=0.7)
+    assert "control point C" not in said
+
+
+def test_feet_and_us_survey_feet_are_told_apart_by_large_coordinates(tmp_path: Path) -> None:
+    folder = simulated(
+        tmp_path / "utm", "uce-high", "project.crs=EPSG:25832", "project.latitude_deg=48.9",
+        "project.longitude_deg=9.6",
+    )  # fmt: skip
+    control = pd.read_csv(folder / "control.csv", dtype={"point": str})
+    control[["x", "y", "z"]] /= 0.3048
+    control.to_csv(folder / "control.csv", index=False)
+    # 2 ppm of 5,400 km.
+    said = examined(folder, tmp_path / "out", "inputs.control.length_unit=us-ft")
+    assert re.search(r"84 surveyed points come out .*1[01]\.\d m south", said)
+    assert "us-ft" in said
+
+
+@pytest.mark.parametrize("block", BY_OPK_DAILY, indirect=True)
+def test_heights_that_no_geoid_explains_are_not_called_an_undulation(block: Path, tmp_path: Path) -> None:
+    """Of a run; the doctor tries the units, too."""
+    folder = Path(shutil.copytree(block, tmp_path / "project"))
+    table = pd.read_csv(folder / "exposures.csv", dtype={"strip": str, "flight": str})
+    table.assign(z=table["z"] / 0.3048).to_csv(folder / "exposures.csv", index=False)
+    outcome = carry_out(adjustment_alone, RunRequest(folder / "project.toml"))
+    assert "geoid undulation" not in str(outcome.error)
+    assert "height_unit" in str(outcome.error)
+
+
 def in_gon(table: pd.DataFrame) -> pd.DataFrame:
     columns = [name for name in ANGLES if name in table]
     return table.assign(**{name: table[name] / 0.9 for name in columns})
