@@ -30,6 +30,8 @@ _UM = 1e-6
 # From the smallest detectors to coarsely scanned film, and the longest side of an aerial film.
 _PIXELS_UM = (0.3, 300.0)
 _LONGEST_MM = 600.0
+# Focal lengths as parts of the longer side of the image: a fisheye, and a telescope.
+_FOCAL_LENGTHS = (0.1, 50.0)
 
 
 def write_cameras(path: Path, cameras: Mapping[str, CameraInput]) -> None:
@@ -129,17 +131,30 @@ def _with_principal_point(camera: CameraInput, file: Path, read: CameraRecord) -
 
 
 def _refuse_impossible(camera: CameraRecord, file: Path | None) -> None:
-    """Refuse pixel and image sizes that no camera has: a unit was mistaken for another."""
-    longest_mm = max(camera.columns, camera.rows) * camera.pixel_um * 1e-3
+    """Refuse lengths that no camera has: a unit was mistaken for another."""
+    sides_mm = [number * camera.pixel_um * 1e-3 for number in (camera.columns, camera.rows)]
+    longest_mm, focal_mm = max(sides_mm), camera.focal_length_mm
+    size = " × ".join(f"{side:.6g}" for side in sides_mm)
     low, high = _PIXELS_UM
-    if low <= camera.pixel_um <= high and longest_mm <= _LONGEST_MM:
-        return
-    raise Location(file).error(
-        f"Pixels of {camera.pixel_um:g} µm make an image of {longest_mm:.6g} mm, with a focal length of "
-        f"{camera.focal_length_mm:.6g} mm. Pixels are {low:g} to {high:g} µm wide, and images up to "
-        f"{_LONGEST_MM:g} mm.",
-        "Correct the size of the pixel or its unit: pixel_um is in µm, <pixel_size> of a camera file in m.",
-    )
+    if not (low <= camera.pixel_um <= high and longest_mm <= _LONGEST_MM):
+        raise Location(file).error(
+            f"Pixels of {camera.pixel_um:g} µm make an image of {longest_mm:.6g} mm, with a focal length of "
+            f"{focal_mm:.6g} mm. Pixels are {low:g} to {high:g} µm wide, and images up to "
+            f"{_LONGEST_MM:g} mm.",
+            "Correct the size of the pixel or its unit: pixel_um is in µm, <pixel_size> of a camera file in "
+            "m.",
+        )
+    if not _FOCAL_LENGTHS[0] <= focal_mm / longest_mm <= _FOCAL_LENGTHS[1]:
+        raise Location(file).error(
+            f"A focal length of {focal_mm:.6g} mm with an image of {longest_mm:.6g} mm is not possible.",
+            "Correct the focal length or its unit: focal_length_mm is in mm.",
+        )
+    x, y = camera.principal_point_mm
+    if any(abs(value) > side for value, side in zip((x, y), sides_mm, strict=True)):
+        raise Location(file).error(
+            f"The principal point ({x:.6g}, {y:.6g}) mm lies outside the image of {size} mm.",
+            "Give it from the centre of the image, in mm.",
+        )
 
 
 def _row(name: str, cameras: Mapping[str, CameraInput]) -> dict[str, str | int | float | None]:

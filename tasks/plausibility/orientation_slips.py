@@ -73,6 +73,12 @@ def _of_axes() -> list[Slip]:
             lambda g, r: (g, replace(r, xy=r.xy * np.array([1.0, -1.0])), "omega-phi-kappa", _SAME),
         ),
         Slip(
+            "The image coordinates look mirrored (x to the left)",
+            "Image coordinates count x along the columns (to the right); change the sign of x. Of film "
+            "images check the side from which fiducials_mm numbers the marks.",
+            lambda g, r: (g, replace(r, xy=r.xy * np.array([-1.0, 1.0])), "omega-phi-kappa", _SAME),
+        ),
+        Slip(
             "The columns x and y of the image points look swapped",
             "Swap the two columns, or their names in the header.",
             lambda g, r: (g, replace(r, xy=r.xy[:, ::-1].copy()), "omega-phi-kappa", _SAME),

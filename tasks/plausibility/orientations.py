@@ -24,9 +24,10 @@ from tasks.plausibility.orientation_slips import Slip, usual_slips
 
 NO_USUAL_SLIP = (
     "None of the common mistakes (unit, order or reference of the angles, a turned camera, mirrored image "
-    "coordinates) explains it: check the focal length, the positions, and whether the image points belong to "
-    "these exposures. If the camera was never calibrated in this mounting, free the boresight "
-    "(adjustment.free). If GNSS and INS are not as accurate as stated, state their σ."
+    "coordinates) explains it: check the focal length and the principal point (from the centre of the image, "
+    "mm), the positions, and whether the image points belong to these exposures. If the camera was never "
+    "calibrated in this mounting, free the boresight (adjustment.free). If GNSS and INS are not as accurate "
+    "as stated, state their σ."
 )
 # A mistake is named when it brings the median residual below the limit and this many times below others.
 _MARGIN = 3.0

@@ -139,6 +139,10 @@ def y_down(delivery: Delivery) -> None:
     delivery.points["y"] = -delivery.points["y"]
 
 
+def x_left(delivery: Delivery) -> None:
+    delivery.points["x"] *= -1.0
+
+
 def transposed(values: np.ndarray) -> np.ndarray:
     from adjust.geometry.rotation import from_omega_phi_kappa, to_omega_phi_kappa
 
@@ -240,6 +244,7 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
     ),
     "headings turned": ("heading", (angles(heading_by(180.0)),), ("rotated by 180°",)),
     "y down": ("omega", (y_down,), ("change the sign of y",)),
+    "x to the left": ("omega", (x_left,), ("change the sign of x",)),
     "columns of image points": ("omega", (swapped("points"),), ('image_points.columns = { x = "y"',)),
     "exposures swapped": ("omega", (swapped("exposures"),), ('exposures.columns = { x = "y"',)),
     "control swapped": ("omega", (swapped("control"),), ('control.columns = { x = "y"',)),
@@ -320,10 +325,10 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
 
 #: One of each kind, by default, without those that are mended by default; all of them are a slow test.
 QUICK = (
-    "phi-omega-kappa", "kappa clockwise", "columns of image points", "exposures swapped in a map",
-    "exposures in feet", "antenna", "time offset of two heads", "control mixed up", "images mixed up",
-    "gon and undulation", "y down and radians", "zeros lost", "headings from the map",
-    "attitudes of another grade",
+    "phi-omega-kappa", "kappa clockwise", "columns of image points", "x to the left",
+    "exposures swapped in a map", "exposures in feet", "antenna", "time offset of two heads",
+    "control mixed up", "images mixed up", "gon and undulation", "y down and radians", "zeros lost",
+    "headings from the map", "attitudes of another grade",
 )  # fmt: skip
 
 

@@ -104,9 +104,13 @@ def test_one_image_point_determines_nothing(delivery):
         ("cameras.CAM.pixel_um=5000.0", "images up to 600 mm"),
         ("cameras.CAM.pixel_um=0.005", "Pixels are 0.3 to 300 µm"),
         ("cameras.CAM.pixel_um=100", "make an image of 1000 mm"),
+        ("cameras.CAM.focal_length_mm=0.08", "A focal length of 0.08 mm with an image of 50 mm"),
+        ("cameras.CAM.focal_length_mm=80000", "focal_length_mm is in mm"),
+        ("cameras.CAM.principal_point_mm=[5000.0, 4000.0]", "from the centre of the image, in mm"),
+        ("cameras.CAM.principal_point_mm=[0.0, -45.0]", "lies outside the image of 50 × 40 mm"),
     ],
 )
-def test_a_pixel_in_another_unit_makes_no_camera(delivery, override, words):
+def test_a_length_in_another_unit_makes_no_camera(delivery, override, words):
     with pytest.raises(InputError, match=words) as refused:
         delivery.exposures(override)
     assert refused.value.entity == "cameras.CAM"
