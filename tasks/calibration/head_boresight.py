@@ -64,6 +64,9 @@ def head_boresights(
             *((f"boresight_{axis}", reference) for axis in _AXES),
             *((f"relative_rotation_{axis}", head) for axis in _AXES),
         ]
+        if not all(key in values.index for key in keys):
+            # A head that took none of the images.
+            continue
         b, rho = np.deg2rad(np.array([values[key] for key in keys])).reshape(2, 3)
         body = rotation.from_roll_pitch_yaw(b)
         angles = rotation.to_heading_pitch_roll(body @ rotation.from_roll_pitch_yaw(rho))[::-1]

@@ -56,6 +56,12 @@ def test_the_boresight_of_a_head_has_the_errors_of_both_rotations() -> None:
     assert f"roll {found.angles[0]:.5f}°" in found.sentence("left")
 
 
+def test_a_head_without_images_has_none() -> None:
+    parameters = table(np.zeros(3), np.zeros(3), np.full(6, 1e-3))
+    cameras = pd.concat([CAMERAS, pd.DataFrame({"camera": ["right"], "head_of": ["nadir"]})])
+    assert set(head_boresights(parameters, correlations(parameters, np.eye(6)), cameras)) == {"left"}
+
+
 def test_what_is_held_has_no_error_and_nothing_of_the_reference_head_is_listed() -> None:
     sigma = np.array([np.nan, np.nan, np.nan, 1e-3, 2e-3, 3e-3])
     parameters = table(np.zeros(3), np.zeros(3), sigma)
