@@ -94,7 +94,6 @@ def assembled_block(
     given, frame, _ = oriented_images(
         delivered.exposures, delivered.cameras, measured, map_frame, delivered.approximate_orientations
     )
-    require_motion(given, settings)
     surveyed = surveyed_points(delivered.control_points, map_frame, frame, near=approximate)
     if "control" not in settings.observe:
         surveyed = replace(surveyed, is_check=np.ones_like(surveyed.is_check))
@@ -103,6 +102,7 @@ def assembled_block(
     calibration = block_self_calibration(given, delivered.cameras, settings.self_calibration)
     events = exposure_events(given)
     rig, of_events = (None, given) if events is None else (events.rig, events.given)
+    require_motion(of_events, settings)
     begin = of_events.with_boresight(delivered.approximate_boresight).orientations()
     names = tuple(start["point"].tolist())
     block = block_of(frame, given, names, x_in_local, settings, calibration, begin, rig)

@@ -119,12 +119,12 @@ def _of_events(given: GivenOrientations, first: Ints, place: Ints, attitude: Int
 
 
 def joined_to_events(rig: Rig) -> SharedMoments | None:
-    """Images of heads that were joined to events; None where every image is one."""
+    """Images of heads that were joined to events, even if there are none; None where one head took all."""
     images = np.bincount(rig.event_of_image)
     joined = images[images > 1]
-    if not len(joined):
-        return None
     heads = len(np.unique(rig.camera_of_image))
+    if heads == 1:
+        return None
     return SharedMoments(images=int(joined.sum()), moments=len(joined), heads=heads)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
@@ -91,7 +93,7 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     for parameter, needs in (*biases, *drifts, *in_time):
         if parameter in settings.free and not all(needs.strip):
             raise InputError(
-                "The exposures contain no strips.",
+                f"{_without(given, 'strip')}.",
                 f"Add a strip column to the exposures{_OR_TRAJECTORY[parameter]}, or remove it from "
                 "adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
@@ -99,7 +101,7 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     for parameter, needs in (*drifts, *in_time):
         if parameter in settings.free and not np.isfinite(needs.time_s).all():
             raise InputError(
-                "The exposures have no times.",
+                f"{_without(needs, 'time')}.",
                 f"Add a time column (seconds) to the exposures{_OR_TRAJECTORY[parameter]}, or remove it "
                 "from adjustment.free.",
                 entity=f"adjustment.free = {parameter}",
@@ -107,6 +109,16 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
     for parameter, needs in (*biases, *drifts, *in_time):
         if parameter in settings.free:
             _require_one_day(needs, f"adjustment.free = {parameter}")
+
+
+def _without(given: GivenOrientations, what: Literal["time", "strip"]) -> str:
+    """That there are no times or strips, or which exposures have none."""
+    there = np.isfinite(given.time_s) if what == "time" else np.array([bool(name) for name in given.strip])
+    if not there.any():
+        return "The exposures have no times" if what == "time" else "The exposures contain no strips"
+    lacking = np.flatnonzero(~there)
+    first = given.image[lacking[0]]
+    return f"{len(lacking):,} of {len(there):,} exposures have no {what} (the first is {first})"
 
 
 def _require_one_day(given: GivenOrientations, entity: str) -> None:
@@ -145,13 +157,13 @@ def require_successive_times(given: GivenOrientations, settings: AdjustmentSetti
     entity, remedy = f"adjustment.{keys[0]}", f"or remove {' and '.join(keys)} from the adjustment."
     if not all(given.strip):
         raise InputError(
-            "The exposures contain no strips along which errors could be correlated.",
+            f"{_without(given, 'strip')}, along which errors could be correlated.",
             f"Add a strip column to the exposures, {remedy}",
             entity=entity,
         )
     if not np.isfinite(given.time_s).all():
         raise InputError(
-            "The exposures have no times, over which errors could be correlated.",
+            f"{_without(given, 'time')}, over which errors could be correlated.",
             f"Add a time column (seconds) to the exposures, {remedy}",
             entity=entity,
         )

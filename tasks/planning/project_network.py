@@ -68,13 +68,13 @@ def network_of_project(
         map_frame,
         read_table(approximate_orientations),
     )
-    require_motion(given, adjustment.model_copy(update={"free": free}))
     start = approximate[approximate["status"] == USED]
     x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     names = tuple(start["point"])
     rays, _ = image_point_observations(measured, given.image, names, given.camera)
     events = exposure_events(given)
     rig, of_events = (None, given) if events is None else (events.rig, events.given)
+    require_motion(of_events, adjustment.model_copy(update={"free": free}))
     surveyed = surveyed_points(read_table(control_points), map_frame, frame, near=approximate)
     mountings = given.mountings
     rows = camera_table.set_index("camera").loc[list(mountings.names)].reset_index().to_dict("records")

@@ -188,7 +188,13 @@ def self_calibration_sentences(figures: AdjustmentFigures) -> Iterator[str]:
 
 def shared_moment_sentences(shared: SharedMoments | None) -> Iterator[str]:
     """How images of one moment were taken: as events of a rig, or as readings that cameras share."""
-    if shared is not None and shared.heads is not None:
+    if shared is not None and shared.heads is not None and not shared.moments:
+        yield (
+            f"No two of the images of {shared.heads} heads belong to one event, based on their flights and "
+            "times: each has a GNSS and INS observation of its own. If they were exposed together, correct "
+            "the flights or times, or deliver their events; otherwise all σ are too small."
+        )
+    elif shared is not None and shared.heads is not None:
         yield (
             f"{shared.images:,} images of {shared.heads} heads were exposed at {shared.moments:,} events, "
             "based on their times: each has one position and attitude, and one GNSS and INS observation."

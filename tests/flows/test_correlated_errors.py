@@ -124,6 +124,17 @@ def test_without_times_or_strips_a_correlation_is_refused(delivered: Path, colum
     assert "gnss_correlation_s" in str(outcome.error)
 
 
+def test_an_exposure_without_time_is_named(delivered: Path) -> None:
+    def one_empty(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[3, "time"] = ""
+        return table
+
+    change(delivered / "exposures.csv", one_empty)
+    names = pd.read_csv(delivered / "exposures.csv", dtype=str)["image"]
+    outcome = run(delivered)
+    assert f"1 of {len(names)} exposures have no time (the first is {names[3]})" in str(outcome.error)
+
+
 @pytest.mark.parametrize("later_s", [0.0, 2e-5])
 def test_two_exposures_of_a_strip_at_the_same_time_are_refused_by_name(
     delivered: Path, later_s: float

@@ -228,6 +228,31 @@ def test_synchronisation_without_times_along_strips_is_refused(flight: Path, out
     assert "synchronisation_offset" in str(found.error)
 
 
+def test_heads_of_flights_of_their_own_share_no_event(flight: Path, out: Path, tmp_path: Path) -> None:
+    table = pd.read_csv(flight.parent / "exposures.csv", dtype=str)
+    alone = delivered(tmp_path, table.assign(flight=table["flight"] + table["camera"]))
+    found = carry_out(adjustment_alone, RunRequest(flight, out, overrides=(alone,)))
+    assert any(
+        "No two of the images of 5 heads belong to one event" in text for text in found.summary.problems
+    )
+
+
+def test_errors_of_events_may_be_correlated_over_time(tmp_path: Path) -> None:
+    """Heads of one event have one reading: their common time is no contradiction."""
+    noise = ("noise.gnss_m=0", "noise.gnss_markov_m=0.05", "noise.gnss_correlation_s=30")
+    simulation = load_simulation(
+        "penta", ("flight.lines=3", "flight.exposures=4", "points.count=250", *noise)
+    )
+    project = simulate_project(simulation, tmp_path / "project").project_file
+    assert "gnss_correlation_s" in project.read_text(encoding="utf-8")
+    found = adjusted(project, tmp_path / "out")
+    counts = pd.read_parquet(found / "residuals.parquet").groupby("group")["image"].nunique()
+    assert counts["gnss_positions"] == 12
+    joint = compare_with_truth(project.parent, found).joint
+    assert joint is not None
+    assert joint.probability > 1e-3
+
+
 def test_delivered_events_join_heads_as_their_times_do(flight: Path, out: Path, tmp_path: Path) -> None:
     exposures = pd.read_csv(flight.parent / "exposures.csv")
     events = exposures["time"].rank(method="dense").astype(int).map(lambda number: f"E{number}")
