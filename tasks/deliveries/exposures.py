@@ -34,7 +34,7 @@ from tasks.deliveries.file_statement import about_stated_heights, refuse_other_s
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.length_units import exposures_in_metres
 from tasks.deliveries.map_adjustment import true_orientations
-from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
+from tasks.deliveries.plan_position import about_map_as_local, refuse_outside_area, refuse_without_image
 from tasks.deliveries.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
 from tasks.deliveries.trajectory import exposures_of_trajectory
 from tasks.deliveries.trajectory_path import TrajectoryPath
@@ -174,6 +174,7 @@ def _converted(
     sigma[placed] = turned_sigmas(transfer, stated[placed], records.position[placed], position[placed])
     problems = (
         unit_suspicion(records, source.angles),
+        about_map_as_local(frame, records.position),
         _without_attitude(records),
         _without_position(records),
         _accuracy_note(transfer, records),

@@ -220,7 +220,7 @@ def _common_plan(differences: ControlDifferences, expected: ExpectedIntersection
 def _about_median(enu: Floats) -> Floats:
     """Differences (k, 3) less what all have in common in plan."""
     plan = np.nanmedian(enu[:, :2], axis=0)
-    return np.nan_to_num(enu - np.array([plan[0], plan[1], 0.0]))
+    return np.asarray(np.nan_to_num(enu - np.array([plan[0], plan[1], 0.0])))
 
 
 def _scatter(values: Floats) -> Floats:

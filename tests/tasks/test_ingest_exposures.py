@@ -212,6 +212,33 @@ def test_positions_outside_the_crs_say_that_x_and_y_look_swapped(delivery):
     assert "x and y look swapped" in raised.value.remedy
 
 
+@pytest.mark.parametrize(
+    ("x", "y", "remedy"),
+    [
+        ("32500000", "5300000", "subtract 32,000,000 m"),
+        ("9.0", "47.85", "They look like longitude and latitude"),
+        ("500000000", "5300000000", "Check the CRS declared for this file, and the units."),
+    ],
+)
+def test_positions_outside_the_crs_say_what_they_look_like(delivery, x: str, y: str, remedy: str) -> None:
+    header = "image,camera,strip,x,y,z,omega,phi,kappa"
+    delivery.write(exposures=f"{header}\nI1,CAM,S,{x},{y},2000,0,0,0\nI2,CAM,S,{x},{y},2001,0,0,0\n")
+    with pytest.raises(InputError) as raised:
+        delivery.exposures()
+    assert remedy in raised.value.remedy
+
+
+@pytest.mark.parametrize(("y", "is_map"), [("5300000", True), ("5300", False)])
+def test_map_coordinates_that_are_declared_local_are_suspicious(delivery, y: str, is_map: bool) -> None:
+    header = "image,camera,strip,x,y,z,omega,phi,kappa"
+    delivery.write(exposures=f"{header}\nI1,CAM,S,500000,{y},2000,0,0,0\nI2,CAM,S,502000,{y},2000,0,0,0\n")
+    read = delivery.exposures("project.crs=local", "inputs.exposures.crs=local")
+    said = [text for text in delivery.notes(read).problems if "Cartesian" in text]
+    assert bool(said) is is_map
+    if is_map:
+        assert "0.08 m over the 2.0 km of the block" in said[0]
+
+
 def test_positions_of_another_zone_do_not_look_swapped(delivery):
     delivery.change("exposures", "500400,5300100", "500400,-1300100")
     with pytest.raises(InputError) as raised:
