@@ -1,8 +1,8 @@
 """What the model of a block may lack: every alternative that is tested, one row each.
 
-Parameters that are held, or that differ between flights, heights, directions or strips; drifts, time offsets
-and height scale of GNSS; north and order of the attitudes; the datum of the control; refraction; direction
-and sign of given distortion; image errors that no parameter describes.
+Parameters that are held, or that differ between flights, heights, directions or strips; drifts of GNSS and
+INS; time offsets and height scale of GNSS; north and order of the attitudes; the datum of the control;
+refraction; direction and sign of given distortion; image errors that no parameter describes.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.block.refracted_rays import ground_heights
 from tasks.block.self_calibration import image_format_of
 from tasks.evaluation.alternative import Alternative, Scope, along_axis, scaled
+from tasks.evaluation.drift_alternatives import drift_alternatives
 from tasks.evaluation.image_point_changes import image_errors, refraction
 from tasks.evaluation.position_alternatives import position_alternatives
 from tasks.quantities import reported_unit
@@ -89,6 +90,7 @@ def model_alternatives(
     material = _Material(block, given, observations, tuple(_parts(block, given, observations)))
     return (
         *_of_parameters(material),
+        *drift_alternatives(block, given, observations),
         *position_alternatives(block, given, observations),
         *_of_attitudes(material),
         *_of_control(material),

@@ -192,13 +192,15 @@ class ExaminedModel:
         )
 
     def _alike(self, k: int) -> str | None:
-        """Other alternatives, not of single strips, that would look nearly the same, most similar first."""
+        """Other alternatives, not of other strips, that would look nearly the same, most similar first."""
         likeness = np.abs(np.nan_to_num(self.found.tests.correlation[k]))
+        own = self.alternatives[k]
         others = [
             alternative_words({"quantity": item.quantity, "scope": item.scope, "part": item.part})
             for j in np.argsort(-likeness, kind="stable")
             for item in (self.alternatives[j],)
-            if likeness[j] > _ALIKE and j != k and item.scope != "strip"
+            if likeness[j] > _ALIKE and j != k
+            if item.scope != "strip" or (own.scope, own.part) == (item.scope, item.part)
         ]
         return ", ".join(others[:_MOST_ALIKE]) or None
 

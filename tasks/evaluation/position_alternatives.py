@@ -1,35 +1,29 @@
-"""Errors that GNSS positions may have in common: drifts of strips, time offsets, a scale of the heights."""
+"""Errors that GNSS positions may have in common: time offsets of flights, a scale of the heights."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
-from adjust.arrays import Floats, Ints
 from adjust.block import Block
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.ins_attitude import InsAttitudes
-from adjust.parameters import FAMILIES, GNSS_DRIFT, TIME_OFFSET
+from adjust.parameters import TIME_OFFSET
 from adjust.quality.model_alternatives import ObservationAlternative
 from adjust.solve.system import Observations
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.strip_motion import strip_motion
 from tasks.evaluation.alternative import Alternative, along_axis, scaled
 
-# With fewer positions a drift of a strip is a single error of one of them.
-_LEAST_OF_DRIFT = 4
-
 
 def position_alternatives(
     block: Block, given: GivenOrientations, observations: Observations
 ) -> Iterator[Alternative]:
-    """Drifts of strips, time offsets of flights and the scale of heights, where GNSS positions show them."""
+    """Time offsets of flights and the scale of heights, where GNSS positions show them."""
     gnss = next((item for item in observations.others if isinstance(item, GnssPositions)), None)
     if gnss is None:
         return
-    yield from _drifts(block, given, gnss)
     of_times = next((item for item in block.system if item.family.name == TIME_OFFSET), None)
     image = block.image_of_event[gnss.event]
     velocity = np.einsum("nji,nj->ni", gnss.local_from_enu, strip_motion(given).velocity[image])
@@ -41,29 +35,6 @@ def position_alternatives(
     height = block.frame.height(block.projection_centre)[gnss.event]
     if np.ptp(height) > 0.5 * np.abs(np.median(height)):
         yield scaled("gnss_height_scale", gnss.name, along_axis(2, height - height.mean()))
-
-
-def _drifts(block: Block, given: GivenOrientations, gnss: GnssPositions) -> Iterator[Alternative]:
-    """A drift of the positions of each strip about its mid time, unless drifts are estimated."""
-    free = any(item.family.name == GNSS_DRIFT and item.free.any() for item in block.system)
-    if free or gnss.motion is None:
-        return
-    names, axes = FAMILIES[GNSS_DRIFT].components, np.swapaxes(gnss.local_from_enu, 1, 2)
-    for number, strip in enumerate(given.strips):
-        rows = np.flatnonzero(gnss.motion.strip == number)
-        time = gnss.motion.since_middle[rows]
-        if strip and len(np.unique(time)) >= _LEAST_OF_DRIFT:
-            for axis, name in enumerate(names):
-                change = partial(_in_rows, len(gnss.event), rows, axes[rows, :, axis] * time[:, None])
-                model = ObservationAlternative(gnss.name, change)
-                yield Alternative(name, "", "strip", strip, "m/s", 1.0, model)
-
-
-def _in_rows(count: int, rows: Ints, values: Floats, part: slice) -> Floats:
-    """Changes (n, 3) that are zero but for some of the rows: those of all strips would be too large."""
-    change = np.zeros((count, values.shape[1]))
-    change[rows] = values
-    return change[part]
 
 
 def _turned_meanwhile(observations: Observations, flight: int) -> ObservationAlternative | None:

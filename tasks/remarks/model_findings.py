@@ -62,6 +62,10 @@ _KINDS: Mapping[str, _Kind] = {
         "The GNSS positions{where} drift by {size} (east x, north y, up z)",
         "Check their solution (ambiguities, base station), or free gnss_drift.",
     ),
+    "ins_drift": _Kind(
+        "The INS attitudes{where} drift by {size}",
+        "Check their solution (alignment, GNSS gaps), or free ins_drift.",
+    ),
     "gnss_position": _Kind(
         "The GNSS position of image {entity} is {size}",
         "Check its time and its solution{reject}.",
@@ -139,7 +143,12 @@ _IMAGE_ERRORS = _Kind(
     "Free additional parameters (adjustment.self_calibration) or give the known distortion.",
 )
 # What may vary from strip to strip → the parameters of strips that describe it.
-_OF_STRIPS = {"gnss_shift": "gnss_strip_bias", "gnss_drift": "gnss_drift", "boresight": "ins_strip_bias"}
+_OF_STRIPS = {
+    "gnss_shift": "gnss_strip_bias",
+    "gnss_drift": "gnss_drift",
+    "boresight": "ins_strip_bias",
+    "ins_drift": "ins_drift",
+}
 # Quantity → its kind and axis, of what is not a parameter.
 _QUANTITIES = {
     "_".join(filter(None, (name, axis))): (name, axis)
@@ -236,7 +245,7 @@ def _finding(
     )
     effect = f" The result is affected: {moves} is off by {moved_by:.1f} times its σ." if moves else ""
     # Components of the same thing are no other cause.
-    own = {quantity_words(str(row["quantity"])) for row in rows}
+    own = {alternative_words(row) for row in rows}
     others = dict.fromkeys(
         other
         for row in rows

@@ -49,6 +49,7 @@ _GROUPS = {
     "gnss_shift": "gnss_positions",
     "gnss_drift": "gnss_positions",
     "boresight": "ins_attitudes",
+    "ins_drift": "ins_attitudes",
 }
 
 

@@ -141,6 +141,17 @@ def test_what_would_look_the_same_is_named_beside_it() -> None:
     assert "Nearly indistinguishable" not in arm.sentence
 
 
+def test_components_of_one_thing_in_a_strip_are_not_named_beside_each_other() -> None:
+    of_strip = {"unit": "m/s", "entity": "", "scope": "strip", "part": "E03"}
+    alike = "GNSS drift y in strip E03, INS drift pitch in strip E03"
+    rows = [
+        row("gnss_drift_x", 1, 0.1, alike=alike, **of_strip),
+        row("gnss_drift_y", 2, 0.1, **of_strip),
+    ]
+    (drift,) = model_findings(pd.DataFrame(rows))
+    assert "Nearly indistinguishable from it: INS drift pitch in strip E03." in drift.sentence
+
+
 def test_nothing_significant_is_no_finding() -> None:
     assert model_findings(pd.DataFrame([row("lever_arm_x", 0, 0.01)])) == ()
 
