@@ -15,6 +15,7 @@ from tasks.evaluation.surveyed_differences import (
     left_out_figures,
     rejected_control,
     surveyed_differences,
+    uncontrolled_control,
 )
 from tasks.evaluation.variance_figures import correlation_figures, variance_figures
 from tasks.files.json_text import JSON
@@ -71,6 +72,7 @@ def adjustment_figures(
         "given_up_points": [adjusted.block.points[point] for point in result.given_up],
         "sigma_scaled_by": adjusted.sigma0,
         "rejected_control": list(rejected_control(adjusted)),
+        "uncontrolled_control": list(uncontrolled_control(adjusted)),
         "global_test": GlobalTestFigure.model_validate(test, from_attributes=True).to_json(),
         "groups": [_group_figure(group).to_json() for group in result.groups],
         "variance_components": variance_figures(result),

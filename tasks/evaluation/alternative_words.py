@@ -11,11 +11,18 @@ from tasks.quantities import quantity_words
 POWER = NormalDist().inv_cdf(0.8)
 #: Beginning of a quantity: the given value of the parameter that follows.
 PRIOR = "prior_"
+_SINGLE = ("gnss_position_", "ins_attitude_", "control_point_")
 
 
 def alternative_words(row: Mapping[Hashable, object]) -> str:
     """The subject of a row of model_alternatives.parquet: ``GNSS shift z at the height 780 m``."""
     return f"{quantity_words(str(row['quantity']))}{where(str(row['scope']), str(row['part']))}"
+
+
+def alike_words(row: Mapping[Hashable, object]) -> str:
+    """The same where other causes are listed; with the image or point of a single observation."""
+    is_single = str(row["quantity"]).startswith(_SINGLE)
+    return f"{alternative_words(row)} of {row['entity']}" if is_single else alternative_words(row)
 
 
 def where(scope: str, part: str) -> str:

@@ -18,7 +18,7 @@ from adjust.model_tests import ModelTests
 from adjust.parameters import Quantity
 from adjust.quality.model_alternatives import AlternativeTests, ParameterAlternative
 from tasks.evaluation.alternative import Alternative
-from tasks.evaluation.alternative_words import POWER, alternative_words
+from tasks.evaluation.alternative_words import POWER, alike_words
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.files.json_text import JSON
 from tasks.quantities import reported_unit
@@ -33,7 +33,7 @@ _GRAVITY = (1.0, 30.0)
 # Of calling a scatter from strip to strip too large that is chance, of each quantity.
 _SCATTER_PROBABILITY = 0.001
 # Scores correlated by more than this cannot be separated from each other by chance; so many are named.
-_ALIKE, _MOST_ALIKE = 0.7, 3
+_ALIKE, _MOST_ALIKE = 0.7, 5
 # By more than this, one explains nearly all that the other does.
 _SAME = 0.9
 # So many σ beyond the largest possible size, it is certain that something else is the cause.
@@ -196,7 +196,7 @@ class ExaminedModel:
         likeness = np.abs(np.nan_to_num(self.found.tests.correlation[k]))
         own = self.alternatives[k]
         others = [
-            alternative_words({"quantity": item.quantity, "scope": item.scope, "part": item.part})
+            alike_words({name: getattr(item, name) for name in _KEY})
             for j in np.argsort(-likeness, kind="stable")
             for item in (self.alternatives[j],)
             if likeness[j] > _ALIKE and j != k

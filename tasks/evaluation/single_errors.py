@@ -2,7 +2,8 @@
 
 One wrong position looks like a shift of its strip, one wrong control point like a tilt of all, a given
 principal point like a lever arm. Beside these alternatives it is the likelier one, and what it explains is
-left to nothing else.
+left to nothing else. Nothing rejects a coordinate of a control point that hardly anything controls, whose
+error may look like a tilt or scale of all of them: it is an alternative, however small its residual is.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ MOST_SINGLE = 10
 def single_errors(adjusted: AdjustedBlock) -> tuple[Alternative, ...]:
     """Positions, attitudes, control points and priors with the largest residuals that nothing has rejected.
 
-    Two of a group of few that may have been rejected because of the others are among them. Each has an
-    alternative for every component; they are in the axes of the observations.
+    Two of a group of few that may have been rejected because of the others are among them, and control points
+    with uncontrolled coordinates. Each has an alternative for every component; they are in the axes of the
+    observations.
     """
     found = (item for group in adjusted.result.groups[1:] for item in _of_group(adjusted, group))
     return tuple(found)
@@ -48,7 +50,9 @@ def _of_group(adjusted: AdjustedBlock, tested: GroupResult) -> Iterator[Alternat
     named = _named(adjusted, group)
     if named is None:
         return
-    used = tested.status == ObservationStatus.USED
+    weak = tested.status == ObservationStatus.UNCONTROLLED
+    weak &= isinstance(group, ControlPoints)
+    used = (tested.status == ObservationStatus.USED) | weak
     scale = max(1.0, adjusted.result.test.sigma0)
     w = np.where(used, np.abs(np.nan_to_num(tested.standardized)) / scale, 0.0)
     if is_restored(tested) and tested.rejected < SEVERAL:  # two that may be wrong each by itself
@@ -58,8 +62,9 @@ def _of_group(adjusted: AdjustedBlock, tested: GroupResult) -> Iterator[Alternat
     # Each value that is given of a parameter is one by itself; elsewhere all components are wrong, or none.
     alone = w > limit if isinstance(group, DirectObservations | JointPrior) else used
     largest = w.max(axis=1)
-    worst = np.argsort(-largest, kind="stable")[:MOST_SINGLE]
-    for number in worst[largest[worst] > limit].tolist():
+    alone = np.where((largest > limit)[:, None], alone, weak)
+    worst = np.argsort(-largest, kind="stable")
+    for number in worst[alone[worst].any(axis=1)][:MOST_SINGLE].tolist():
         for axis in np.flatnonzero(alone[number]).tolist():
             change = np.zeros(tested.residual.shape)
             change[number, axis] = 1.0

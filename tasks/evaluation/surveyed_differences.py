@@ -80,6 +80,16 @@ def rejected_control(adjusted: AdjustedBlock) -> tuple[str, ...]:
     return tuple(sorted(adjusted.block.points[point] for point in _rejected(adjusted)))
 
 
+def uncontrolled_control(adjusted: AdjustedBlock) -> tuple[str, ...]:
+    """Coordinates of control points that nothing controls: ``z of C012``; in the order of the points."""
+    return tuple(
+        f"{group.group.components[axis]} of {adjusted.block.points[group.group.point[row]]}"
+        for group in adjusted.result.groups
+        if isinstance(group.group, ControlPoints)
+        for row, axis in np.argwhere(group.status == ObservationStatus.UNCONTROLLED)
+    )
+
+
 def _rejected(adjusted: AdjustedBlock) -> Ints:
     """Object points whose survey was rejected."""
     found = [

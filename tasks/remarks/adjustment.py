@@ -121,17 +121,22 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
             )
     for group in figures.groups:
         if group.uncontrolled and group.group in _UNCONTROLLED:
-            yield _uncontrolled_words(group)
+            yield _uncontrolled_words(group, figures.uncontrolled_control)
 
 
-def _uncontrolled_words(group: GroupFigure) -> str:
-    """How many coordinates nothing controls, and what follows from it."""
+def _uncontrolled_words(group: GroupFigure, of_control: Sequence[str]) -> str:
+    """How many coordinates nothing controls, which of control points, and what follows from it."""
     (one, several), such_as = _UNCONTROLLED[group.group]
     it, was = ("it", "It was") if group.uncontrolled == 1 else ("them", "They were")
-    return (
+    words = (
         f"{_counted(group.uncontrolled, one, several)} (redundancy number below {UNCONTROLLED:g}, such as "
-        f"{such_as}): a gross error in {it} would not be detected. {was} not tested."
     )
+    if group.group == "control_points":
+        return (
+            f"{words}{such_as}): {some_names(of_control)}. A gross error in {it} may remain undetected or "
+            f"look like a tilt or scale of the control; {was.lower()} not tested for rejection."
+        )
+    return f"{words}{such_as}): a gross error in {it} would not be detected. {was} not tested."
 
 
 def rejected_control_words(names: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from tasks.evaluation.alternative_words import POWER, PRIOR, alternative_words, where
+from tasks.evaluation.alternative_words import POWER, PRIOR, alike_words, alternative_words, where
 from tasks.quantities import COMPONENTS, additional_set, entity_words, quantity_words, shown, with_unit
 from tasks.results.figures import ModelFinding, StripScatter
 
@@ -245,7 +245,7 @@ def _finding(
     )
     effect = f" The result is affected: {moves} is off by {moved_by:.1f} times its σ." if moves else ""
     # Components of the same thing are no other cause.
-    own = {alternative_words(row) for row in rows}
+    own = {alike_words(row) for row in rows}
     others = dict.fromkeys(
         other
         for row in rows

@@ -406,6 +406,7 @@ class AdjustmentFigures(Figure):
     taken_back: int = 0
     given_up_points: tuple[str, ...] = ()
     rejected_control: tuple[str, ...] = ()
+    uncontrolled_control: tuple[str, ...] = ()
     sigma_scaled_by: float | None = None
     self_calibration: SelfCalibrationFigures | None = None
     residual_grid: ResidualGridFigure = ResidualGridFigure()

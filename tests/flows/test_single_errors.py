@@ -306,6 +306,49 @@ def test_drifts_of_attitudes_are_found_as_often_as_stated(tmp_path: Path) -> Non
     assert not any(quantity == "gnss_drift" for quantity, _ in named)
 
 
+@pytest.fixture(scope="module")
+def on_four_points(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same on four control points in the corners; without GNSS their heights have r of 0.03."""
+    simulation = load_simulation("dmc-20cm", ("points.count=300", "control.control=4"), 4)
+    return simulate_project(simulation, tmp_path_factory.mktemp("four")).project_file
+
+
+ON_CONTROL = 'adjustment.observe=["control"]'
+
+
+@pytest.mark.parametrize("point", ["C012", pytest.param("C001", marks=pytest.mark.slow)])
+def test_a_wrong_height_that_hardly_anything_controls_is_no_scale_of_the_control(
+    on_four_points: Path, tmp_path: Path, point: str
+) -> None:
+    """1.5 m: a scale of the control of 25,000 to 35,000 ppm was blamed, and no point."""
+    control = pd.read_csv(on_four_points.parent / "control.csv", dtype={"point": str})
+    row = control.index[control["point"] == point][0]
+    out = tmp_path / "results"
+    mistake = with_changes(on_four_points, out, "control.csv", slice(row, row + 1), {"z": 1.5})
+    found = adjusted_with(on_four_points, out, mistake, ON_CONTROL, BY_DEFAULT)
+    (said,) = findings(found.directory)
+    assert said["quantity"] == "control_point"
+    # Of four heights over three of a plane no residual can say which one is wrong.
+    alike = str(said["sentence"]).partition("Nearly indistinguishable from it: ")[2].partition(". ")[0]
+    named = {str(said["entity"]), *re.findall(r"control point z of (\w+)", alike)}
+    assert named == {"C001", "C012", "C097", "C108"}
+    assert "scale" in alike
+
+
+def test_heights_that_hardly_anything_controls_are_named_as_what_may_stay_unnoticed(
+    on_four_points: Path, tmp_path: Path
+) -> None:
+    found = adjusted_with(on_four_points, tmp_path / "results", ON_CONTROL, BY_DEFAULT)
+    assert findings(found.directory) == []
+    table = pd.read_parquet(found.directory / "model_alternatives.parquet")
+    heights = table[table["quantity"] == "control_point_z"].set_index("entity")
+    assert set(heights.index) == {"C001", "C012", "C097", "C108"}
+    # σ 0.05 m over √0.03, and the critical value with a power of 80 %.
+    assert heights["detectable"].to_numpy() == pytest.approx(0.05 / 0.032**0.5 * 4.2, rel=0.1)
+    (said,) = (text for text in found.summary.problems if "coordinates of control points" in text)
+    assert "z of C001, z of C012, z of C097, z of C108" in said
+
+
 @pytest.mark.parametrize("wrong_mm", [0.0, 0.15])
 def test_a_given_value_that_contradicts_is_named_and_not_the_lever_arm(
     flight: Path, out: Path, wrong_mm: float

@@ -214,11 +214,17 @@ def test_rejections_name_control_points_and_given_up_points() -> None:
 def test_control_points_whose_errors_nothing_would_show_are_counted(number: int, words: str) -> None:
     """A height measured in two images: whatever is wrong with it goes into the result."""
     rays = GroupFigure(group="image_points", observations=100)
-    figures = AdjustmentFigures(groups=(rays, control(uncontrolled=number)), critical_value=4.13)
+    names = tuple(f"z of C{k:02}" for k in range(number))
+    groups = (rays, control(uncontrolled=number))
+    figures = AdjustmentFigures(groups=groups, critical_value=4.13, uncontrolled_control=names)
     (sentence,) = rejection_sentences(figures)
     start = words.replace("…", "of control points")
     assert sentence.startswith(f"{number} {start} uncontrolled (redundancy number below 0.1, such as heights")
-    assert sentence.endswith("tested.")
+    assert (
+        f": {'z of C00' if number == 1 else 'z of C00, z of C01, z of C02, z of C03, z of C04 and 7 more'}."
+        in sentence
+    )
+    assert sentence.endswith("tested for rejection.")
 
 
 def test_a_single_one_is_spoken_of_as_one() -> None:
