@@ -28,7 +28,7 @@ class Alternative:
     unit, factor : of its size in the tables, and the factor from SI and radians.
     model : what is tested.
     critical : |t| above which it is significant, where that does not depend on the other alternatives.
-    most : size beyond which it is no such mistake, in its unit.
+    least, most : sizes below and beyond which it is no such mistake, in its unit.
     """
 
     quantity: str
@@ -39,6 +39,7 @@ class Alternative:
     factor: float
     model: ModelAlternative
     critical: float | None = None
+    least: float = 0.0
     most: float = np.inf
 
     @property

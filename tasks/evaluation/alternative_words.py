@@ -11,6 +11,10 @@ from tasks.quantities import quantity_words
 POWER = NormalDist().inv_cdf(0.8)
 #: Beginning of a quantity: the given value of the parameter that follows.
 PRIOR = "prior_"
+#: What is wrong as a whole or not at all, and the part of it below which it is not wrong.
+WHOLE, LEAST_PART = ("convergence", "angle_order", "distortion_direction", "distortion_sign"), 0.3
+#: So many σ beyond the sizes it could have, something is certainly not the cause.
+CERTAIN = 3.0
 _SINGLE = ("gnss_position_", "ins_attitude_", "control_point_")
 
 

@@ -36,6 +36,7 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.block.refracted_rays import ground_heights
 from tasks.block.self_calibration import image_format_of
 from tasks.evaluation.alternative import Alternative, Scope, along_axis, scaled
+from tasks.evaluation.alternative_words import LEAST_PART, WHOLE
 from tasks.evaluation.drift_alternatives import drift_alternatives
 from tasks.evaluation.image_point_changes import image_errors, refraction
 from tasks.evaluation.position_alternatives import position_alternatives
@@ -247,7 +248,8 @@ def _of_control(material: _Material) -> Iterator[Alternative]:
 
 def _of_itself(quantity: str, entity: str, model: ModelAlternative) -> Alternative:
     """Something that was corrected or read wrongly, as a part of itself."""
-    return Alternative(quantity, entity, "all", "", "1", 1.0, model, most=_MOST_OF_ITSELF)
+    least = LEAST_PART if quantity in WHOLE else 0.0
+    return Alternative(quantity, entity, "all", "", "1", 1.0, model, least=least, most=_MOST_OF_ITSELF)
 
 
 def _of_image_points(material: _Material, cameras: pd.DataFrame) -> Iterator[Alternative]:

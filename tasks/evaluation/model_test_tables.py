@@ -18,7 +18,7 @@ from adjust.model_tests import ModelTests
 from adjust.parameters import Quantity
 from adjust.quality.model_alternatives import AlternativeTests, ParameterAlternative
 from tasks.evaluation.alternative import Alternative
-from tasks.evaluation.alternative_words import POWER, alike_words
+from tasks.evaluation.alternative_words import CERTAIN, POWER, alike_words
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.files.json_text import JSON
 from tasks.quantities import reported_unit
@@ -36,8 +36,6 @@ _SCATTER_PROBABILITY = 0.001
 _ALIKE, _MOST_ALIKE = 0.7, 5
 # By more than this, one explains nearly all that the other does.
 _SAME = 0.9
-# So many σ beyond the largest possible size, it is certain that something else is the cause.
-_CERTAIN = 3.0
 # With fewer strips their scatter says nothing.
 _FEW_STRIPS = 4
 _DIVISIONS = ("flight", "height", "direction")
@@ -96,8 +94,11 @@ class ExaminedModel:
     @cached_property
     def order(self) -> tuple[int, ...]:
         """The alternatives that explain the misclosures, the most likely first."""
-        most = np.array([item.most / item.factor for item in self.alternatives])
-        return possible_explanation(self.found.tests, self.critical * self.scale, most, self.scale)
+        least, most = (
+            np.array([getattr(item, name) / item.factor for item in self.alternatives])
+            for name in ("least", "most")
+        )
+        return possible_explanation(self.found.tests, self.critical * self.scale, least, most, self.scale)
 
     @cached_property
     def joint(self) -> tuple[float, Floats]:
@@ -279,34 +280,41 @@ class ExaminedModel:
 
 
 def possible_explanation(
-    tests: AlternativeTests, critical: Floats, most: Floats, scale: float
+    tests: AlternativeTests, critical: Floats, least: Floats, most: Floats, scale: float
 ) -> tuple[int, ...]:
-    """The alternatives that explain the misclosures, without those that would have to be too large for it.
+    """The alternatives that explain the misclosures, without those whose size is none they could have.
 
-    Where several look nearly the same, together they can take any size. What is too large by itself stays,
+    Where several look nearly the same, together they can take any size. What is impossible by itself stays,
     unless another one that is possible explains nearly the same, and so does a contradiction that nothing
     else explains: something is wrong.
 
     Parameters
     ----------
     critical : (k,) |t| above which an alternative is significant, with σ0 = 1.
-    most : (k,) size beyond which it is no explanation; three times its σ are allowed on top.
+    least, most : (k,) sizes below and beyond which it is no explanation; three times its σ are allowed.
     scale : factor of all σ.
     """
     critical, order = critical.copy(), tests.explanation(critical)
-    too_large = np.abs(tests.estimate) - _CERTAIN * scale * tests.sigma > most
-    possible = ~too_large & (np.abs(tests.t) > critical)
+    impossible = _impossible(tests.estimate, scale * tests.sigma, least, most)
+    possible = ~impossible & (np.abs(tests.t) > critical)
     replaced = (np.abs(np.nan_to_num(tests.correlation[:, possible])) > _SAME).any(axis=1)
-    most = np.where(too_large & ~replaced, np.inf, most)
+    stays = impossible & ~replaced
+    least, most = np.where(stays, 0.0, least), np.where(stays, np.inf, most)
     while order:
-        size, sigma = np.abs(tests.joint(order)[1]), scale * tests.joint_sigma(order)
-        beyond = size - _CERTAIN * sigma > most[list(order)]
-        critical[np.array(order)[beyond]] = np.inf
-        others = tests.explanation(critical) if beyond.any() else ()
+        own = list(order)
+        size, sigma = tests.joint(order)[1], scale * tests.joint_sigma(order)
+        none = _impossible(size, sigma, least[own], most[own])
+        critical[np.array(order)[none]] = np.inf
+        others = tests.explanation(critical) if none.any() else ()
         if not others:
             break
         order = others
     return order
+
+
+def _impossible(size: Floats, sigma: Floats, least: Floats, most: Floats) -> Bools:
+    """Which sizes (k,) are certainly below the least or beyond the largest possible one."""
+    return np.asarray((np.abs(size) + CERTAIN * sigma < least) | (np.abs(size) - CERTAIN * sigma > most))
 
 
 def write_model_alternatives(folder: Path, examined: ExaminedModel) -> None:

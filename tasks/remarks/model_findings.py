@@ -7,7 +7,16 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from tasks.evaluation.alternative_words import POWER, PRIOR, alike_words, alternative_words, where
+from tasks.evaluation.alternative_words import (
+    CERTAIN,
+    LEAST_PART,
+    POWER,
+    PRIOR,
+    WHOLE,
+    alike_words,
+    alternative_words,
+    where,
+)
 from tasks.quantities import COMPONENTS, additional_set, entity_words, quantity_words, shown, with_unit
 from tasks.results.figures import ModelFinding, StripScatter
 
@@ -17,6 +26,7 @@ class _Kind:
     """One kind of alternative: its words, what to check, and its axes where it is not a kind of parameters.
 
     ``place``: its axes are east, north and up, and its size is said as "too far west" or "too high".
+    ``part``: what a small part of a mistake is a part of that is made as a whole or not at all.
     ``whole``: what to do first where it concerns all images alike. ``{reject}`` of a remedy is what may be
     done only where gross errors are not rejected already.
     """
@@ -26,8 +36,10 @@ class _Kind:
     axes: tuple[str, ...] = ()
     place: bool = False
     whole: str = ""
+    part: str = ""
 
 
+_SMALL = "It is too small for a mistake that is made as a whole; an unknown error has a similar effect."
 _REJECT = ", or reject gross errors (adjustment.rejection)"
 _KINDS: Mapping[str, _Kind] = {
     "lever_arm": _Kind(
@@ -91,11 +103,13 @@ _KINDS: Mapping[str, _Kind] = {
         "The attitudes appear to refer to the other north: {size} of the angle between grid and true north "
         "is contained in them",
         "Check angles.reference; 100 %: true instead of grid north; −100 %: grid instead of true north.",
+        part="the angle between grid and true north in the attitudes",
     ),
     "angle_order": _Kind(
         "The angles appear to have ω and φ in the other order: {size} of the difference is contained in them",
         "Check angles.order of the exposures; 100 %: phi-omega-kappa was declared omega-phi-kappa; −100 %: "
         "the reverse.",
+        part="the difference between the two orders of ω and φ",
     ),
     "control_shift": _Kind(
         "The control points are shifted against the GNSS positions by {size} (east x, north y, up z)",
@@ -127,11 +141,13 @@ _KINDS: Mapping[str, _Kind] = {
         "of the difference is found in the images",
         "100 % confirms the other direction: values of OpenCV, COLMAP and Metashape belong to "
         "brown-forward, those of laboratories and Australis to brown; aerocal convert-distortion converts.",
+        part="the difference between the two directions of the distortion given for camera {entity}",
     ),
     "distortion_sign": _Kind(
         "The additional parameters given for camera {entity} appear to have the wrong sign: {size} of the "
         "difference is found in the images",
         "100 % confirms the other sign: check whether corrections or errors were published.",
+        part="the difference between the two signs of the additional parameters given for camera {entity}",
     ),
 }
 _GIVEN = _Kind(
@@ -227,6 +243,8 @@ def _finding(
     kind, entity, scope, part = key
     moving = max(rows, key=lambda row: float(str(row["moved_by_estimate"])))
     words = _GIVEN if kind.startswith(PRIOR) else _KINDS.get(kind, _IMAGE_ERRORS)
+    if kind in WHOLE and all(map(_is_small, rows)):
+        words = _Kind("An error looks like {size} of " + words.part, _SMALL)
     text = words.words.format(
         entity=entity,
         given=entity_words(kind.removeprefix(PRIOR), entity),
@@ -273,6 +291,12 @@ def _finding(
         moved_by=moved_by,
         sentence=sentence,
     )
+
+
+def _is_small(row: Mapping[Hashable, object]) -> bool:
+    """Whether something is certainly a smaller part of itself than a mistake made as a whole."""
+    size, sigma = (float(str(row[name])) for name in ("explained", "explained_sigma"))
+    return abs(size) + CERTAIN * sigma < LEAST_PART
 
 
 def _t(row: Mapping[Hashable, object]) -> float:

@@ -349,6 +349,18 @@ def test_heights_that_hardly_anything_controls_are_named_as_what_may_stay_unnoti
     assert "z of C001, z of C012, z of C097, z of C108" in said
 
 
+@pytest.mark.parametrize("seed", [34, pytest.param(40, marks=pytest.mark.slow)])
+def test_a_yaw_of_the_camera_is_no_part_of_the_other_north(tmp_path: Path, seed: int) -> None:
+    """0.01°: +1.5 % of the convergence was found a little more likely than the yaw itself."""
+    changes = (
+        "points.count=300", "project.crs=EPSG:25832", "project.latitude_deg=48.9",
+        "project.longitude_deg=8.1", "truth.boresight_deg=[0.0, 0.0, 0.01]", "project.free=[]",
+    )  # fmt: skip
+    project = simulate_project(load_simulation("dmc-20cm", changes, seed), tmp_path).project_file
+    (found,) = findings(adjusted_with(project, tmp_path / "results", BY_DEFAULT).directory)
+    assert (found["quantity"], found["scope"]) == ("boresight", "all")
+
+
 @pytest.mark.parametrize("wrong_mm", [0.0, 0.15])
 def test_a_given_value_that_contradicts_is_named_and_not_the_lever_arm(
     flight: Path, out: Path, wrong_mm: float

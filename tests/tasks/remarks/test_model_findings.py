@@ -141,6 +141,15 @@ def test_what_would_look_the_same_is_named_beside_it() -> None:
     assert "Nearly indistinguishable" not in arm.sentence
 
 
+@pytest.mark.parametrize(("size", "north"), [(0.013, False), (-0.98, True), (0.29, True)])
+def test_a_small_part_of_the_other_north_is_not_called_the_other_north(size: float, north: bool) -> None:
+    alike = "boresight yaw"
+    found = model_findings(pd.DataFrame([row("convergence", 1, size, unit="1", entity="", alike=alike)]))
+    assert ("appear to refer to the other north" in found[0].sentence) == north
+    assert ("Check angles.reference" in found[0].sentence) == north
+    assert ("An error looks like +1.3 ± 1 % of the angle" in found[0].sentence) != north
+
+
 def test_components_of_one_thing_in_a_strip_are_not_named_beside_each_other() -> None:
     of_strip = {"unit": "m/s", "entity": "", "scope": "strip", "part": "E03"}
     alike = "GNSS drift y in strip E03, INS drift pitch in strip E03"
