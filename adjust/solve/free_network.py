@@ -16,6 +16,10 @@ is never formed. A few unknowns of exposures, as many as there are open movement
 possible, get the weight w of an observation of their own, N + Hᵀ w H. As b ⟂ G, that moves nothing:
 H dx = 0. From this minimal datum a movement G t leads to the inner constraints; residuals and
 redundancy numbers notice none of it.
+
+Observations of little weight may notice a movement, but by less than the digits of N: it is open, too. What
+they say of it arrives as the force w H dx at H, which would turn what they hardly determine. Taken out of b
+by F (HG)ᵀ w H dx with Fᵀ G = I, where it moves nothing but G, it leaves the rest where all of them want it.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.errors import InconsistentBlockError
 from adjust.observations.base import ObservationGroup
 from adjust.parameters import InnerConstraints, State
@@ -38,9 +42,12 @@ from adjust.solve.normal_equations import ReducedNormals
 from adjust.solve.system import System
 from adjust.solve.whitening import add_border_columns, whiten
 
-# Information below this part of what an exposure's own observations would give alone is rounding: with it
-# the normal equations would count as singular.
-_UNNOTICED = 1e-9
+# Information below this part of what an exposure's own observations would give alone leaves a movement open:
+# with it the normal equations would count as singular.
+_UNNOTICED = 1e-10
+# So many times as much determines the next movement at least: what is left in N of an open one is otherwise a
+# part of it. Observations of little weight notice all movements alike.
+_GAP = 100.0
 # Part of a movement, squared, that must lie in exposures, or in the chosen unknowns.
 _MOVES = 1e-10
 # A system parameter that takes less than this part in a movement takes none.
@@ -76,15 +83,30 @@ class OpenMovements:
 
     def held(self, normals: ReducedNormals) -> ReducedNormals:
         """Normal equations N + Hᵀ w H: d unknowns of exposures hold the datum."""
-        n = normals.pattern.events
-        weight = normals.diagonal_exposure.ravel()
-        scaled = np.sqrt(weight)[:, None] * self.vectors.of_exposures.reshape(6 * n, self.defect)
-        # The first d pivots: each unknown that moves most with what the ones before leave free.
-        *_, order = scipy.linalg.qr(scaled.T, mode="economic", pivoting=True)
-        exposure, component = np.divmod(order[: self.defect], 6)
+        held, weight = self._held_unknowns(normals), normals.diagonal_exposure.ravel()
+        exposure, component = np.divmod(held, 6)
         blocks = normals.blocks.copy()
-        blocks[normals.pattern.diagonal[exposure], component, component] += weight[order[: self.defect]]
+        blocks[normals.pattern.diagonal[exposure], component, component] += weight[held]
         return replace(normals, blocks=blocks)
+
+    def relieved(self, normals: ReducedNormals, of_exposures: Floats) -> ReducedNormals:
+        """The same normal equations with b − F (HG)ᵀ w H dx for increments dx (n, 6) of theirs.
+
+        F = W G (Gᵀ W G)⁻¹ with the weights W of all exposures, in whose metric G is orthogonal to what is not
+        open.
+        """
+        held, weight = self._held_unknowns(normals), normals.diagonal_exposure.ravel()
+        moved = self.vectors.of_exposures.reshape(-1, self.defect)
+        force = moved[held].T @ (weight[held] * of_exposures.ravel()[held])
+        spread = weight * (moved @ np.linalg.solve(moved.T @ (weight[:, None] * moved), force))
+        return replace(normals, rhs_exposure=normals.rhs_exposure - spread.reshape(-1, 6))
+
+    def _held_unknowns(self, normals: ReducedNormals) -> Ints:
+        """Numbers (d,) of unknowns of exposures: each moves most with what the ones before leave free."""
+        root = np.sqrt(normals.diagonal_exposure).reshape(-1, 1)
+        scaled = root * self.vectors.of_exposures.reshape(-1, self.defect)
+        *_, order = scipy.linalg.qr(scaled.T, mode="economic", pivoting=True)
+        return np.asarray(order[: self.defect], dtype=np.int64)
 
     def towards_approximate_values(
         self, system: System, state: State, of_exposures: Floats, of_points: Floats
@@ -143,7 +165,9 @@ def _unnoticed(
     if RELATIVE_POSITION in system.layout.columns:
         columns = system.layout.columns[RELATIVE_POSITION]
         along = np.union1d(along, columns[columns >= 0])
-    information = np.zeros((7 + len(along), 7 + len(along)))
+    scale, size = _scale(normals, movements, normals.diagonal_border[along]), 7 + len(along)
+    # The triangle of the rows: their squares would hide small information next to large in rounding.
+    triangle = np.zeros((size, size))
     for group in _noticing(system):
         equations = whiten(group, group.linearize(state))
         of_border = np.zeros((*equations.misclosure.shape, g))
@@ -152,11 +176,12 @@ def _unnoticed(
                 columns = system.layout.columns[term.block][term.index]
                 add_border_columns(of_border, columns, term.jacobian)
         noticed = np.concatenate([noticed_movements(equations, state, movements), of_border[:, :, along]], 2)
-        rows = noticed.reshape(-1, 7 + len(along))
-        information += rows.T @ rows
-    scale = _scale(normals, movements, normals.diagonal_border[along])
-    values, vectors = np.linalg.eigh(scale.T @ information @ scale)
-    null = vectors[:, values < _UNNOTICED]
+        rows = noticed.reshape(-1, size) @ scale
+        # Where a row knows more than the rays of an exposure, the block bends before it moves.
+        rows /= np.hypot(1.0, np.linalg.norm(rows, axis=1))[:, None]
+        triangle = np.linalg.qr(np.concatenate([triangle, rows]), mode="r")
+    _, roots, vectors = np.linalg.svd(triangle)
+    null = vectors[::-1].T[:, : _open(roots[::-1] ** 2)]
     null[7:][np.abs(null[7:]) < _STILL] = 0.0
     # What moves system parameters only is not a datum: it stays, and is refused as a singularity.
     _, sizes, turned = np.linalg.svd(null[:7], full_matrices=False)
@@ -164,6 +189,14 @@ def _unnoticed(
     of_border = np.zeros((g, found.shape[1]))
     of_border[along] = found[7:]
     return found[:7], of_border
+
+
+def _open(information: Floats) -> int:
+    """Number of movements that are open, the least informed first."""
+    count = int(np.searchsorted(information, _UNNOTICED))
+    while 0 < count < len(information) and information[count] < _GAP * information[count - 1]:
+        count += 1
+    return count
 
 
 def _noticing(system: System) -> Iterator[ObservationGroup]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +48,9 @@ class Step:
         DatumDefectError : singular normal equations, explained.
         """
         factorization, movements = factorized(system, state, normals)
+        if movements is not None:
+            relieved = movements.relieved(factorization.normals, factorization.solve()[0])
+            factorization = replace(factorization, normals=relieved)
         return cls(system, state, normals, factorization, *factorization.solve(), movements, True)
 
     @classmethod
@@ -67,8 +70,8 @@ class Step:
 
     @cached_property
     def decrement(self) -> float:
-        """The decrement bᵀdx, which no choice of the datum changes."""
-        normals = self.normals
+        """The decrement bᵀdx, which no choice of the datum changes; b is what the step was solved with."""
+        normals = self.normals if self.movements is None else self.factorization.normals
         reduced = float(
             np.sum(normals.rhs_exposure * self.of_exposures) + normals.rhs_border @ self.of_border
         )
