@@ -24,6 +24,10 @@ DATUM_DIRECTIONS = (
 )
 
 
+# A sum below this part of its addends is rounding.
+_ROUNDING = 1e-12
+
+
 @dataclass(frozen=True, eq=False)
 class DatumShare:
     """How strongly each group of observations holds one direction of the datum.
@@ -72,17 +76,23 @@ def _similarity(x: Floats) -> Floats:
 def noticed_movements(equations: Linearization, state: State, of_exposures: Floats) -> Floats:
     """What the seven movements of everything change in whitened observations of one group, (n, m, 7).
 
+    Zero where only rounding is left: a rotation turns both ends of a distance alike.
+
     Parameters
     ----------
     of_exposures : the movements of the exposures, see :func:`datum_basis`.
     """
-    moved = np.zeros((*equations.misclosure.shape, 7))
+    moved, addends = (np.zeros((*equations.misclosure.shape, 7)) for _ in range(2))
     for term in equations.terms:
         if term.block == EXTERIOR_ORIENTATION:
-            moved += term.jacobian @ of_exposures[term.index]
+            movements = of_exposures[term.index]
         elif term.block == OBJECT_POINT:
-            moved += term.jacobian @ movements_of_points(state, term.index)
-    return moved
+            movements = movements_of_points(state, term.index)
+        else:
+            continue
+        moved += term.jacobian @ movements
+        addends += np.abs(term.jacobian) @ np.abs(movements)
+    return np.where(np.abs(moved) > _ROUNDING * addends, moved, 0.0)
 
 
 def datum_shares(system: System, state: State) -> tuple[DatumShare, ...]:

@@ -67,6 +67,10 @@ def test_the_datum_of_the_free_network_lacks_the_scale_no_more(outcome: RunOutco
     assert summary["free_network"]["defect"] == 6
     assert summary["groups"][1]["group"] == "distances"
     assert 0.0 < summary["groups"][1]["redundancy"] < 6.0
+    assert {item["direction"] for item in summary["datum"] if item["sigma"] is not None} == {"scale"}
+    report = (outcome.directory / "report.html").read_text()
+    rows = report.split('data-key="rotation about x"')
+    assert any(row.split("</tr>")[0].count("<td>not determined</td>") == 1 for row in rows[1:])
 
 
 def changed(folder: Path, target: Path, change: object) -> Path:

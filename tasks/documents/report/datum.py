@@ -43,7 +43,10 @@ def datum_table(material: Material) -> Table:
     for figure in material.figures.datum:
         sigma, decimals, unit = _shown(figure)
         shares = [None if name not in figure.held_by else 100.0 * figure.held_by[name] for name in groups]
-        cells: tuple[Cell, ...] = (figure.direction, *numbers((sigma,), decimals), unit, *numbers(shares, 1))
+        held: tuple[Cell, ...] = ("not determined", "")
+        if sigma is not None:
+            held = (*numbers((sigma,), decimals), unit)
+        cells: tuple[Cell, ...] = (figure.direction, *held, *numbers(shares, 1))
         rows.append(Row(figure.direction, cells))
     return Table("datum", "Share of each group in the datum", columns, tuple(rows))
 

@@ -173,3 +173,19 @@ def test_a_direction_nothing_holds_has_an_infinite_sigma() -> None:
     by_name = {share.direction: share.sigma for share in shares}
     assert by_name["shift in x"] == by_name["scale"] == np.inf
     assert by_name["rotation about z"] == pytest.approx(0.005 * np.pi / 180 / np.sqrt(10), rel=1e-3)
+
+
+@pytest.mark.parametrize("frame", ["cartesian", "topocentric"])
+def test_distances_hold_the_scale_and_nothing_else(frame: str) -> None:
+    """What a rotation does to both ends is equal but for rounding: it had a σ of 1e11."""
+    scene = two_strips(control=(), gnss=False, ins=False, distances=5, frame=frame, start_seed=3)
+    state = scene.block.approximate_state()
+    shares = datum_shares(System.of(scene.block, scene.observations), state)
+    (distances,) = scene.observations.others
+    lengths = -distances.linearize(state).misclosure + distances.given[:, None]
+    for share in shares:
+        if share.direction == "scale":
+            assert share.sigma == pytest.approx(0.01 / np.linalg.norm(lengths), rel=1e-9)
+            assert share.shares == (("distances", 1.0),)
+        else:
+            assert (share.sigma, share.shares) == (np.inf, ())
