@@ -14,11 +14,12 @@ from adjust.observations.base import ObservationGroup
 from adjust.observations.distance import Distances
 from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, InnerConstraints, ParameterLayout, State
-from adjust.solve.consistency import refuse_open_platforms, refuse_others_than
+from adjust.solve.consistency import refuse_others_than
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
 from adjust.solve.fronts import HelmertBlocking
 from adjust.solve.joined_points import joined_points
 from adjust.solve.lanes import Lane
+from adjust.solve.open_platforms import refuse_open_platforms
 from adjust.solve.ray_columns import RayColumns, ray_columns
 
 

@@ -21,6 +21,7 @@ from adjust.options import AdjustmentOptions
 from adjust.parameters import (
     BORESIGHT,
     FAMILIES,
+    INS_STRIP_BIAS,
     INTERIOR_ORIENTATION,
     LEVER_ARM,
     ConsideredParameters,
@@ -504,6 +505,12 @@ HEADS_TURN = {RELATIVE_ROTATION: True}
         (True, {BORESIGHT: (True, True, False), **HEADS_TURN}, ("1 xy",), 0, ""),
         (True, HEADS_TURN, (), 0, ""),
         (True, {BORESIGHT: True}, (), 0, ""),
+        # Free biases of all strips know no more of the attitude than no INS.
+        (True, {INS_STRIP_BIAS: True, **HEADS_TURN}, (), 3, "its INS strip biases and a common rotation"),
+        (True, {INS_STRIP_BIAS: (False, False, True), **HEADS_TURN}, (), 1, "its INS strip biases"),
+        (True, {INS_STRIP_BIAS: True, **HEADS_TURN}, ("1 xyz",), 0, ""),
+        (True, {INS_STRIP_BIAS: [[True], [False]], **HEADS_TURN}, (), 0, ""),
+        (True, {INS_STRIP_BIAS: [[True], [False]], **ALL_TURN}, (), 3, "its boresight and a common"),
     ],
 )
 def test_a_platform_without_pictures_does_not_turn_against_all_its_heads(
@@ -526,7 +533,8 @@ def test_a_platform_without_pictures_does_not_turn_against_all_its_heads(
     assert error.value.defect == defect
     named = error.value.parameters
     assert "relative_rotation_yaw of forward_2" in named
-    assert ("boresight_yaw of forward" in named) is ins
+    own = "ins_strip_bias_yaw of strip_0" if "biases" in sentence else "boresight_yaw of forward"
+    assert (own in named) is ins
     rolls = [item[0] for item in observed if "x" in item]
-    assert ("boresight_roll of forward" in named) is (ins and not rolls)
+    assert ("boresight_roll of forward" in named) is (ins and BORESIGHT in free and not rolls)
     assert not any(f"relative_rotation_roll of forward_{head}" in named for head in rolls)
