@@ -4,14 +4,14 @@ The most probable corrections f̂ are found through the normal equations (``mean
 ``expected_field``): also what orientations and object points imitate of them, and nothing where chance
 explains the means. Plain means that are added again and again (``iteration``) get no further than they show.
 
-The first step is nearly the solution where one set of images is corrected; the second has the noise of the
-block with corrections. Of several sets the means of each say what is wrong with its own corrections while
-those of the others stay as they are: they take turns until nothing changes that shows.
+The first step is nearly the solution; the second has the noise of the block with corrections. Several sets
+are corrected together. With too many sub-areas for this, the means of each say what is wrong with its own
+corrections while those of the others stay as they are: they take turns until nothing changes that shows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,13 +25,16 @@ from adjust.residual_grid.format_cells import FormatCells
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.image_sets import Fields, GridRule, Grids, ImageSets
 from adjust.residual_grid.iteration import GridIteration, Reason, grid_step
-from adjust.residual_grid.mean_response import MeanResponse, known_cells
+from adjust.residual_grid.mean_response import MeanResponse, SetMeans, known_cells, together
 from adjust.residual_grid.residual_grid import root_mean_square
 from adjust.result import AdjustmentResult
 from adjust.selection.readjustment import Readjusted
 
 # Evidence for a field that chance hardly gives: in 80 simulated blocks of noise it was below 9.
 _EVIDENCE = 12.0
+
+# The numbers of the sets that are corrected together, and their matrices.
+Responses = Sequence[tuple[list[int], MeanResponse]]
 
 
 def collocate(
@@ -96,22 +99,23 @@ class _Corrected:
     adjusted: Readjusted
     means: Grids
 
-    def following(self, sets: ImageSets, responses: Mapping[int, MeanResponse]) -> tuple[_Corrected, float]:
-        """After one more correction of each set, one after the other; the largest change over the noise."""
+    def following(self, sets: ImageSets, responses: Responses) -> tuple[_Corrected, float]:
+        """After one more correction of all sets; the largest change over the noise."""
         now, largest = self, 0.0
-        for k, response in responses.items():
-            field, grid = now.fields[k], now.means[k]
-            assert field is not None
-            assert grid is not None
+        for numbers, response in responses:
+            fields = [field for k in numbers if (field := now.fields[k]) is not None]
+            grids = [grid for k in numbers if (grid := now.means[k]) is not None]
             with one_thread():
-                expected, wrong = response.expected(field, grid, now.adjusted.sigma0)
+                expected, wrong = response.expected(fields, grids, now.adjusted.sigma0)
             if expected.evidence < _EVIDENCE:
                 continue
-            noise = root_mean_square(grid.sigma.T[response.known])
+            noise = root_mean_square(response.of_known([grid.sigma for grid in grids]))
             largest = max(largest, float(root_mean_square(wrong) / noise))
-            fields = (*now.fields[:k], field.plus(response.of_cells(-wrong)), *now.fields[k + 1 :])
-            adjusted = sets.adjusted(fields, now.adjusted.state)
-            now = _Corrected(fields, adjusted, sets.means(adjusted))
+            corrected = list(now.fields)
+            for k, field, more in zip(numbers, fields, response.of_cells(-wrong), strict=True):
+                corrected[k] = field.plus(more)
+            adjusted = sets.adjusted(tuple(corrected), now.adjusted.state)
+            now = _Corrected(tuple(corrected), adjusted, sets.means(adjusted))
         return now, largest
 
 
@@ -123,15 +127,18 @@ def _nothing(means: Grids) -> Fields:
     )
 
 
-def _responses(result: AdjustmentResult, sets: ImageSets, now: _Corrected) -> dict[int, MeanResponse]:
-    """Those of the sets that have means, by their numbers."""
-    of_ray, found = sets.grid_of_image[result.observations.image_points.image], dict[int, MeanResponse]()
+def _responses(result: AdjustmentResult, sets: ImageSets, now: _Corrected) -> Responses:
+    """Those of the sets that have means."""
+    of_ray, own = sets.grid_of_image[result.observations.image_points.image], dict[int, SetMeans]()
     for k, (field, grid) in enumerate(zip(now.fields, now.means, strict=True)):
         if field is not None and grid is not None and (known := known_cells(field, grid)).any():
-            rows = np.flatnonzero(of_ray == k)
-            with one_thread():
-                found[k] = MeanResponse.of(result, rows, grid, known, sets.chosen, sets.rule.interpolation)
-    return found
+            own[k] = SetMeans(np.flatnonzero(of_ray == k), grid, known)
+    groups = together([own[k].grid.cells.count if k in own else 0 for k in range(len(now.fields))])
+    with one_thread():
+        return [
+            (group, MeanResponse.of(result, [own[k] for k in group], sets.chosen, sets.rule.interpolation))
+            for group in groups
+        ]
 
 
 def _tried_on_halves(result: AdjustmentResult, sets: ImageSets, start: Readjusted) -> tuple[CrossStep, ...]:

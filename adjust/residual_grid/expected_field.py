@@ -12,7 +12,8 @@ With roots K_j of their correlation matrices
     f̂ = C Mᵀ (M C Mᵀ + V)⁻¹ m,    Cov(f) = C − C Mᵀ (M C Mᵀ + V)⁻¹ M C = K (1 + KᵀMᵀ V⁻¹ M K)⁻¹ Kᵀ
 
 is what has to be expected (collocation; Moritz 1980). The s_j² are those for which m ~ N(0, M C Mᵀ + V) is
-the most probable (maximum likelihood; Koch 1986).
+the most probable (maximum likelihood; Koch 1986). Fields of several sets of images have nothing in common,
+and s_j² of their own; what M and V say of them is taken together.
 
 What orientations and object points imitate of f shows in no mean: there the covariance remains what it was.
 Where the means hardly tell an s_j, the search ends early, and so it begins with large ones.
@@ -20,6 +21,7 @@ Where the means hardly tell an s_j, the search ends early, and so it begins with
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,41 +48,63 @@ _SETTLED = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
+class Places:
+    """Where the field of a set of images has a value: cells, and (2, k) which coordinates of them."""
+
+    cells: FormatCells
+    known: Bools
+
+    @property
+    def count(self) -> int:
+        """Number c of places."""
+        return int(self.known.sum())
+
+
+@dataclass(frozen=True, eq=False)
 class ExpectedField:
     """What has to be expected of a field at c places: coordinates and cells.
 
     Attributes
     ----------
-    sigma : RMS of the field, of its most probable values and their standard deviations, metres.
     evidence : twice the logarithm of how many times as probable the means are with the field as without.
     value : (c,) its most probable values, metres.
     root : (c, r) root of its covariance, metres.
     """
 
-    sigma: float
     evidence: float
     value: Floats
     root: Floats
 
+    @property
+    def sigma(self) -> float:
+        """RMS of the field, of its most probable values and their standard deviations, metres."""
+        return self.sigma_of(slice(None))
+
+    def sigma_of(self, part: slice) -> float:
+        """The same at some of the places."""
+        value, root = self.value[part], self.root[part]
+        return float(np.sqrt((np.sum(value**2) + np.sum(root**2)) / len(value)))
+
 
 def expected_field(
-    cells: FormatCells, known: Bools, means: Floats, response: Floats, noise: Floats, contained: Floats
+    places: Sequence[Places], means: Floats, response: Floats, noise: Floats, contained: Floats
 ) -> ExpectedField:
     """The field that mean residuals speak for.
 
     Parameters
     ----------
-    known : (2, k) the coordinates and cells that have a mean; the c places in this order.
+    places : of every set of images, those that have a mean; the c places in this order.
     means : (c,) metres.
     response : (c, c) M.
     noise : (c, c) V, m².
     contained : (c, c) projection of any field onto what this one can contain.
     """
-    c, ways = len(means), (True, False) if cells.tile.any() else (True,)
-    correlated = [_correlation_root(cells, known, length, across) for across in ways for length in _LENGTHS]
-    correlated.append(_radial_root(cells, known))
-    roots = [own for root in correlated if _is_large(own := contained @ root, root)]
-    nothing = ExpectedField(0.0, 0.0, np.zeros(c), np.zeros((c, 0)))
+    c, first, roots = len(means), 0, list[Floats]()
+    for own in places:
+        part = contained[:, first : first + own.count]
+        roots += [field for root in _roots(own) if _is_large(field := part @ root, root)]
+        first += own.count
+    nothing = ExpectedField(0.0, np.zeros(c), np.zeros((c, 0)))
     if not roots:
         return nothing
     lower = np.linalg.cholesky(noise + _FLOOR * np.mean(np.diagonal(noise)) * np.eye(c))
@@ -95,7 +119,15 @@ def expected_field(
     lower = np.linalg.cholesky(np.eye(root.shape[1]) + visible.T @ visible)
     half, told = (linalg.solve_triangular(lower, item, lower=True) for item in (root.T, visible.T @ observed))
     value, left = half.T @ told, half.T
-    return ExpectedField(float(np.sqrt((np.sum(value**2) + np.sum(left**2)) / c)), evidence, value, left)
+    return ExpectedField(evidence, value, left)
+
+
+def _roots(places: Places) -> list[Floats]:
+    """Roots K_j (c, r) of the correlations of the fields of one set."""
+    cells, known = places.cells, places.known
+    ways = (True, False) if cells.tile.any() else (True,)
+    correlated = [_correlation_root(cells, known, length, across) for across in ways for length in _LENGTHS]
+    return [*correlated, _radial_root(cells, known)]
 
 
 def _is_large(contained: Floats, field: Floats) -> bool:

@@ -1,4 +1,4 @@
-"""How the mean residuals of a set of images answer to errors of its corrections.
+"""How the mean residuals of sets of images answer to errors of their corrections.
 
 Corrections f of the cells are added to the image coordinates through their interpolation E. Their errors
 δ = f − f*, with the true corrections f*, move the unknowns by N⁻¹ AᵀP E δ. With the residual maker
@@ -8,32 +8,32 @@ R = 1 − A N⁻¹ AᵀP and D, which takes the means of residuals in the cells,
 
 so m + M f, the means without corrections, speak for f* (``expected_field``), wherever f came from.
 
-**Convention.** A part of f* that free parameters of the camera, or a rotation of all its images, imitate
-exactly is theirs as much as that of the corrections, and nothing that can be seen depends on where it is.
-Parameters are those that belong to the corrections: δ has no such part. An interior orientation that is held
-is exact, so that image errors are what comes on top of it: δ has no part that another one would imitate.
+**Convention.** A part of f* that free parameters of the cameras, or a rotation of all images, imitate exactly
+is theirs as much as that of the corrections, and nothing that can be seen depends on where it is. Parameters
+are those that belong to the corrections: δ has no such part. What is held is no parameter: image errors that
+look like another focal length, or like another rotation of a head, are as likely as any.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
 from scipy import sparse
 
 from adjust.arrays import Bools, Floats, Ints
-from adjust.parameters import INTERIOR_ORIENTATION
-from adjust.residual_grid.expected_field import ExpectedField, expected_field
+from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field
 from adjust.residual_grid.field_loads import FieldLoads, Sparse
-from adjust.residual_grid.format_cells import FormatCells, Interpolation
+from adjust.residual_grid.format_cells import Interpolation
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.residual_grid import ResidualGrid
 from adjust.result import AdjustmentResult
-from adjust.solve.whitening import standardize
 
-#: Of more sub-areas the matrices would not fit.
-MOST_CELLS = 1_300
+#: Of more sub-areas of a set, and of several sets together, the matrices would not fit.
+MOST_CELLS, MOST_TOGETHER = 1_300, 700
 # Singular values of fields, of the largest, that are not told from each other.
 _ALIKE = 1e-6
 
@@ -43,14 +43,55 @@ def known_cells(field: CorrectionField, grid: ResidualGrid) -> Bools:
     return np.asarray(np.isfinite(grid.mean) & np.isfinite(field.value)).T
 
 
+def together(cells: Sequence[int]) -> list[list[int]]:
+    """Which sets, by their numbers, are looked at together: as many as matrices of their sub-areas allow.
+
+    Heads of a rig bend a block together, and the residuals of one show what corrections of another leave.
+
+    Parameters
+    ----------
+    cells : number of sub-areas of every set; 0 for one that is left out.
+    """
+    groups, filled = list[list[int]](), 0
+    for number, count in enumerate(cells):
+        if count == 0:
+            continue
+        if not groups or filled + count > MOST_TOGETHER:
+            groups.append([])
+            filled = 0
+        groups[-1].append(number)
+        filled += count
+    return groups
+
+
 @dataclass(frozen=True, eq=False)
-class MeanResponse:
-    """The matrices of one set of images; c known coordinates and cells, x of all cells first.
+class SetMeans:
+    """A set of images with means.
 
     Attributes
     ----------
-    cells : the sub-areas.
-    known : (2, k) which coordinates and cells.
+    rows : (r,) numbers of its image points.
+    grid : means of the residuals that are chosen.
+    known : (2, k) which coordinates and cells have a correction and a mean.
+    """
+
+    rows: Ints
+    grid: ResidualGrid
+    known: Bools
+
+    @property
+    def places(self) -> Places:
+        """Where its field has a value."""
+        return Places(self.grid.cells, self.known)
+
+
+@dataclass(frozen=True, eq=False)
+class MeanResponse:
+    """The matrices of some sets of images; c known coordinates and cells, set by set, x of all cells first.
+
+    Attributes
+    ----------
+    sets : the sets.
     loads : AᵀP E of the fields, then AᵀD' of the means.
     matrix : (c, c) M.
     noise : (c, c) V for σ0 = 1, m².
@@ -58,8 +99,7 @@ class MeanResponse:
     contained : (c, c) projection of any field onto what δ can contain.
     """
 
-    cells: FormatCells
-    known: Bools
+    sets: tuple[SetMeans, ...]
     loads: FieldLoads
     matrix: Floats
     noise: Floats
@@ -70,102 +110,117 @@ class MeanResponse:
     def of(
         cls,
         result: AdjustmentResult,
-        rows: Ints,
-        grid: ResidualGrid,
-        known: Bools,
+        sets: Sequence[SetMeans],
         chosen: Bools,
         interpolation: Interpolation,
     ) -> Self:
-        """Of the images whose image points are the rows (r,).
+        """Of some sets of images.
 
         Parameters
         ----------
-        grid : means of the residuals that are chosen (n, 2).
-        known : (2, k).
+        chosen : (n, 2) the residuals that count.
         interpolation : of the corrections.
         """
-        fields, means = _columns(result, rows, grid.cells, known, interpolation, chosen)
-        c = fields.shape[1]
-        both = Sparse(sparse.hstack([fields, means]))
-        loads = FieldLoads.of(result.system, result.solution, rows, both)
-        imitated = loads.imitated()
+        each = [_columns(result, item, interpolation, chosen) for item in sets]
+        fields, means = (Sparse(sparse.block_diag(own)) for own in zip(*each, strict=True))
+        rows, c = np.concatenate([item.rows for item in sets]), fields.shape[1]
+        order = np.argsort(rows)
+        both = Sparse(sparse.hstack([fields, means]))[(2 * order[:, None] + [0, 1]).ravel()]
+        loads = FieldLoads.of(result.system, result.solution, rows[order], both)
+        imitated, all_heads = loads.imitated(), len(rows) == len(chosen)
+        weight = np.concatenate([item.grid.count.T[item.known] for item in sets]).astype(np.float64)
         return cls(
-            grid.cells,
-            known,
+            tuple(sets),
             loads,
             (means.T @ fields).toarray() - imitated[c:, :c],
             (means.T @ means).toarray() - imitated[c:, c:],
             imitated[:c, :c],
-            _without(_imitable(result, rows, loads, means), grid.count.T[known].astype(np.float64)),
+            _without(_imitable(result, loads, _parts(sets), all_heads), weight),
         )
 
+    @property
+    def parts(self) -> list[slice]:
+        """The known coordinates and cells of every set."""
+        return _parts(self.sets)
+
     def expected(
-        self, field: CorrectionField, left: ResidualGrid, sigma0: float
+        self, fields: Sequence[CorrectionField], left: Sequence[ResidualGrid], sigma0: float
     ) -> tuple[ExpectedField, Floats]:
         """What has to be expected of the true corrections, and how wrong (c,) these are to all appearance.
 
         Parameters
         ----------
-        field : the corrections.
+        fields : the corrections of every set.
         left : the mean residuals with them.
         """
-        correction, means = field.value.T[self.known], left.mean.T[self.known]
+        correction = self.of_known([field.value for field in fields])
         expected = expected_field(
-            self.cells,
-            self.known,
-            means + self.matrix @ correction,
+            [item.places for item in self.sets],
+            self.of_known([grid.mean for grid in left]) + self.matrix @ correction,
             self.matrix,
             sigma0**2 * self.noise,
             self.contained,
         )
         return expected, self.contained @ correction - expected.value
 
-    def of_cells(self, values: Floats) -> Floats:
-        """Values (c,) of the known coordinates and cells as those (k, 2) of all; NaN elsewhere."""
-        every = np.full(self.known.shape, np.nan)
-        every[self.known] = values
-        return every.T
+    def of_known(self, values: Sequence[Floats]) -> Floats:
+        """The values (c,) of the known coordinates and cells, of those (k, 2) of all cells of every set."""
+        return np.concatenate(
+            [own.T[item.known] for own, item in zip(values, self.sets, strict=True)]
+        )
+
+    def of_cells(self, values: Floats) -> list[Floats]:
+        """Values (c, …) of the known coordinates and cells as those (k, 2, …) of all of every set; else NaN."""
+        found = list[Floats]()
+        for item, part in zip(self.sets, self.parts, strict=True):
+            every = np.full((*item.known.shape, *values.shape[1:]), np.nan)
+            every[item.known] = values[part]
+            found.append(np.moveaxis(every, 0, 1))
+        return found
+
+
+def _parts(sets: Sequence[SetMeans]) -> list[slice]:
+    borders = np.cumsum([0, *(item.places.count for item in sets)])
+    return [slice(int(first), int(last)) for first, last in pairwise(borders)]
 
 
 def _columns(
-    result: AdjustmentResult,
-    rows: Ints,
-    cells: FormatCells,
-    known: Bools,
-    interpolation: Interpolation,
-    chosen: Bools,
+    result: AdjustmentResult, item: SetMeans, interpolation: Interpolation, chosen: Bools
 ) -> tuple[Sparse[np.float64], Sparse[np.float64]]:
-    """√P E and (D √P⁻¹)ᵀ (2 r, c) at image points (r,): x and y of each after the other."""
-    rays, chosen = result.observations.image_points.only(rows), chosen[rows]
-    cell, row = cells.cell_of(rays.xy), np.arange(len(rows))
+    """√P E and (D √P⁻¹)ᵀ (2 r, c) at the image points of a set: x and y of each after the other."""
+    rays, chosen, cells = result.observations.image_points.only(item.rows), chosen[item.rows], item.grid.cells
+    cell, row = cells.cell_of(rays.xy), np.arange(len(item.rows))
     fields, means = list[Sparse[np.float64]](), list[Sparse[np.float64]]()
-    for k, own in enumerate(known):
+    for k, own in enumerate(item.known):
         between = cells.interpolation_matrix(own, rays.xy, interpolation)
-        weight = Sparse((rays.inverse_sigma[:, k], (2 * row + k, row)), shape=(2 * len(rows), len(rows)))
+        weight = Sparse((rays.inverse_sigma[:, k], (2 * row + k, row)), shape=(2 * len(row), len(row)))
         fields.append((weight @ between)[:, own])
         number = np.bincount(cell, weights=chosen[:, k], minlength=cells.count)
         share = chosen[:, k] * rays.sigma[:, k] / np.maximum(number, 1.0)[cell]
-        means.append(Sparse((share, (2 * row + k, cell)), shape=(2 * len(rows), cells.count))[:, own])
+        means.append(Sparse((share, (2 * row + k, cell)), shape=(2 * len(row), cells.count))[:, own])
     return Sparse(sparse.hstack(fields)), Sparse(sparse.hstack(means))
 
 
-def _imitable(result: AdjustmentResult, rows: Ints, loads: FieldLoads, means: Sparse[np.float64]) -> Floats:
-    """Fields (c, p) that the parameters of the camera and a rotation of all images make, of length 1.
+def _imitable(
+    result: AdjustmentResult, loads: FieldLoads, parts: Sequence[slice], all_heads: bool
+) -> Floats:
+    """Fields (c, p) of length 1 that free parameters of the cameras and a rotation of all images make.
 
-    Interior orientation, rotation, and what else is free: its derivatives, as means of the cells.
+    Images of one exposure turn together: heads of a rig with all others.
 
     Parameters
     ----------
     loads : of E, then of Dᵀ, which takes the means of derivatives.
+    parts : the places of every set.
+    all_heads : whether these are the sets of all image points.
     """
-    c, interior = means.shape[1], result.layout.columns[INTERIOR_ORIENTATION]
-    rays = result.observations.image_points.only(rows)
-    equations = standardize(rays, rays.linearize(result.solution.linearization))
-    (own,) = (term.jacobian for term in equations.terms if term.block == INTERIOR_ORIENTATION)
-    rotations = loads.of_exposures[:, c:].toarray().reshape(-1, 6, c)[:, 3:].sum(axis=0)
-    others = np.delete(loads.of_border[:, c:], interior[interior >= 0], axis=0)
-    of_interior = np.asarray(means.T @ own.reshape(2 * len(rows), 3))
-    fields = np.column_stack([of_interior, rotations.T, others.T])
+    c = parts[-1].stop
+    turned = loads.of_exposures[:, c:].toarray().reshape(-1, 6, c)[:, 3:].sum(axis=0)
+    turning = parts if result.block.rig is None else [slice(0, c)][:all_heads]
+    rotations = np.zeros((len(turning), *turned.shape))
+    for own, part in zip(rotations, turning, strict=True):
+        own[:, part] = turned[:, part]
+    fields = np.vstack([rotations.reshape(-1, c), loads.of_border[:, c:]]).T
     size = np.sqrt(np.sum(fields**2, axis=0))
     return np.asarray(fields[:, size > 0.0] / size[size > 0.0])
 
@@ -174,5 +229,5 @@ def _without(imitable: Floats, weight: Floats) -> Floats:
     """The projection (c, c) that takes off a field (c,) what others (c, p) explain, with weights (c,)."""
     root = np.sqrt(weight)[:, None]
     directions, values, _ = np.linalg.svd(root * imitable, full_matrices=False)
-    directions = directions[:, values > _ALIKE * values[0]]
+    directions = directions[:, values > _ALIKE * values.max(initial=0.0)]
     return np.asarray(np.eye(len(weight)) - (directions / root) @ (directions * root).T)

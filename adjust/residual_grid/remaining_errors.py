@@ -17,7 +17,7 @@ Of δ only those combinations are kept that move an unknown by more than a part 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isqrt
 
@@ -34,7 +34,14 @@ from adjust.quality.unknown_errors import errors_of_families, in_datum
 from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.format_cells import FormatCells, Interpolation
 from adjust.residual_grid.image_correction import CorrectionField
-from adjust.residual_grid.mean_response import MOST_CELLS, MeanResponse, known_cells
+from adjust.residual_grid.mean_response import (
+    MOST_CELLS,
+    MOST_TOGETHER,
+    MeanResponse,
+    SetMeans,
+    known_cells,
+    together,
+)
 from adjust.residual_grid.residual_grid import LEAST_IN_CELL, ResidualGrid
 from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.solve.full_vectors import FullVectors, joined, solve_full
@@ -47,13 +54,12 @@ _NEGLECTED = 0.005
 
 @dataclass(frozen=True, eq=False)
 class _SetErrors:
-    """Errors (k, 2, e) of the corrections of a set in its finer cells, and the loads AᵀP E δ by them."""
+    """Errors (k, 2, e) of the corrections of a set in its finer cells."""
 
     sigma: float
     parts: int
     cells: FormatCells
     of_cells: Floats
-    loads: FullVectors
 
 
 def remaining_errors(
@@ -64,8 +70,8 @@ def remaining_errors(
 ) -> CorrectionErrors | None:
     """Errors of everything that is adjusted with corrections; None without any, or with too many cells.
 
-    Sets of images are looked at one by one: what corrections of one hide in the residuals of another is
-    left out.
+    Where the sub-areas of all sets are too many to be looked at together (``together``), what corrections of
+    one hide in the residuals of another is left out.
 
     Parameters
     ----------
@@ -74,28 +80,30 @@ def remaining_errors(
     grid_of_image : (images,) number of the set of each image.
     interpolation : of the corrections.
     """
-    image, found = result.observations.image_points.image, list[_SetErrors | None]()
-    for number, field in enumerate(fields):
-        if field is None:
-            found.append(None)
-        elif field.cells.count > MOST_CELLS:
-            return None
-        else:
-            rows = np.flatnonzero(grid_of_image[image] == number)
-            with one_thread():
-                found.append(_of_set(result, rows, field, interpolation))
-    there = [item for item in found if item is not None]
-    if not there:
+    cells = [0 if field is None else field.cells.count for field in fields]
+    if max(cells, default=0) > MOST_CELLS:
         return None
-    solution, loads = result.solution, joined([item.loads for item in there])
-    solved = solve_full(result.system, solution.linearization, solution.factorization, loads)
+    of_ray, loads, found = grid_of_image[result.observations.image_points.image], list[FullVectors](), {}
+    for numbers in together(cells):
+        own = {k: (np.flatnonzero(of_ray == k), field) for k in numbers if (field := fields[k]) is not None}
+        with one_thread():
+            errors = _of_sets(result, own, interpolation)
+        if errors is not None:
+            first = sum(item.count for item in loads)
+            found |= {k: (first, item) for k, item in errors[0].items()}
+            loads.append(errors[1])
+    if not loads:
+        return None
+    solution, every = result.solution, joined(loads)
+    solved = solve_full(result.system, solution.linearization, solution.factorization, every)
     of_unknowns = in_datum(solution, result.layout, solved)
+    sets = [found[k][1] if k in found else None for k in range(len(fields))]
     return CorrectionErrors(
         of_unknowns,
         errors_of_families(result.layout, of_unknowns.of_border),
-        _Fields(tuple(found), grid_of_image, interpolation),
-        tuple(None if item is None else item.sigma for item in found),
-        tuple(None if item is None else item.parts for item in found),
+        _Fields(found, every.count, grid_of_image, interpolation),
+        tuple(None if item is None else item.sigma for item in sets),
+        tuple(None if item is None else item.parts for item in sets),
     )
 
 
@@ -117,53 +125,66 @@ def with_correction_errors(result: AdjustmentResult, errors: CorrectionErrors | 
 
 @dataclass(frozen=True, eq=False)
 class _Fields:
-    """Errors of the corrections of all sets."""
+    """Errors of the corrections of all sets: by their numbers the first column of each, of so many."""
 
-    sets: tuple[_SetErrors | None, ...]
+    sets: Mapping[int, tuple[int, _SetErrors]]
+    count: int
     grid_of_image: Ints
     interpolation: Interpolation
 
     def __call__(self, image: Ints, xy: Floats) -> Floats:
         """Errors (r, 2, k) at image points; those of other sets of images are zero."""
-        total = sum(item.of_cells.shape[2] for item in self.sets if item is not None)
-        errors, first = np.zeros((len(image), 2, total)), 0
-        for number, item in enumerate(self.sets):
-            if item is None:
-                continue
+        errors = np.zeros((len(image), 2, self.count))
+        for number, (first, item) in self.sets.items():
             rows, own = np.flatnonzero(self.grid_of_image[image] == number), item.of_cells
             for coordinate in (0, 1):
                 known = np.asarray(np.isfinite(own[:, coordinate]).all(axis=1))
                 matrix = item.cells.interpolation_matrix(known, xy[rows], self.interpolation)
                 part = slice(first, first + own.shape[2])
                 errors[rows, coordinate, part] = matrix @ np.nan_to_num(own[:, coordinate])
-            first += own.shape[2]
         return errors
 
 
-def _of_set(
-    result: AdjustmentResult, rows: Ints, coarse: CorrectionField, interpolation: Interpolation
-) -> _SetErrors | None:
-    """Errors of the corrections of images with the image points (r,); None if none shows errors."""
-    chosen = controlled(result.groups[0])
-    parts = _parts(coarse, chosen[rows])
-    field, grid = _finer(result, rows, coarse, parts, interpolation)
-    known = known_cells(field, grid)
-    if not known.any():
+def _of_sets(
+    result: AdjustmentResult,
+    coarse: Mapping[int, tuple[Ints, CorrectionField]],
+    interpolation: Interpolation,
+) -> tuple[dict[int, _SetErrors], FullVectors] | None:
+    """Errors of the corrections of some sets, and the loads AᵀP E δ by them; None if no mean shows errors.
+
+    Parameters
+    ----------
+    coarse : image points (r,) and corrections of each set.
+    """
+    chosen, parts, fields, sets = controlled(result.groups[0]), list[int](), dict[int, CorrectionField](), []
+    most = _MOST_FINER if len(coarse) == 1 else MOST_TOGETHER // len(coarse)
+    for number, (rows, corrections) in coarse.items():
+        divided = _parts(corrections, chosen[rows], most)
+        field, grid = _finer(result, rows, corrections, divided, interpolation)
+        if (known := known_cells(field, grid)).any():
+            fields[number] = field
+            parts.append(divided)
+            sets.append(SetMeans(rows, grid, known))
+    if not sets:
         return None
-    response = MeanResponse.of(result, rows, grid, known, chosen, interpolation)
-    expected, wrong = response.expected(field, grid, result.sigma0)
+    response = MeanResponse.of(result, sets, chosen, interpolation)
+    expected, wrong = response.expected(
+        list(fields.values()), [item.grid for item in sets], result.sigma0
+    )
     errors = _strongest(
         np.column_stack([expected.root, wrong]), response.imitated, _NEGLECTED * result.sigma0**2
     )
-    of_cells = np.full((2, grid.cells.count, errors.shape[1]), np.nan)
-    of_cells[response.known] = errors
-    of_loads = response.loads.times(np.vstack([errors, np.zeros_like(errors)]))
-    return _SetErrors(expected.sigma, parts, grid.cells, np.moveaxis(of_cells, 0, 1), of_loads)
+    each = zip(fields, response.parts, parts, sets, response.of_cells(errors), strict=True)
+    found = {
+        number: _SetErrors(expected.sigma_of(part), divided, item.grid.cells, own)
+        for number, part, divided, item, own in each
+    }
+    return found, response.loads.times(np.vstack([errors, np.zeros_like(errors)]))
 
 
-def _parts(field: CorrectionField, chosen: Bools) -> int:
-    """Into how many parts the sides of the cells are divided, as far as residuals (r, 2) and time allow."""
-    most = min(_MOST_FINER, int(chosen.sum(axis=0).max()) // LEAST_IN_CELL)
+def _parts(field: CorrectionField, chosen: Bools, most: int) -> int:
+    """Into how many parts the sides of the cells are divided, as far as residuals (r, 2) and a number allow."""
+    most = min(most, int(chosen.sum(axis=0).max()) // LEAST_IN_CELL)
     parts = isqrt(most // field.cells.count)
     return max(1, parts - 1 + parts % 2)
 

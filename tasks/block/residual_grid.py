@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isqrt
 
 import numpy as np
 import pandas as pd
@@ -28,6 +29,7 @@ from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.image_correction import CorrectionField, corrected
 from adjust.residual_grid.image_sets import GridRule
 from adjust.residual_grid.iteration import GridIteration, iterate_grid
+from adjust.residual_grid.mean_response import MOST_TOGETHER
 from adjust.residual_grid.remaining_errors import remaining_errors, with_correction_errors
 from adjust.residual_grid.residual_grid import ResidualGrid, residual_grids
 from adjust.residual_grid.smoothing import Smoothing
@@ -172,19 +174,29 @@ def _cells(
     settings: ResidualGridSettings,
 ) -> tuple[FormatCells | None, ...]:
     """The sub-areas of every camera that has image points; those of its corrections where there are some."""
+    most = _most_cells(int(np.count_nonzero(_image_points(rays, block))), settings)
     found: list[FormatCells | None] = []
     for camera, count, field in zip(block.cameras, _image_points(rays, block), fields, strict=True):
         if count == 0 or field is not None:
             found.append(None if field is None else field.cells)
         else:
-            found.append(_cells_of(camera, _seams(camera, cameras), int(count), settings.cells))
+            found.append(_cells_of(camera, _seams(camera, cameras), int(count), settings.cells, most))
     return tuple(found)
 
 
-def _cells_of(camera: FrameCamera, seams: Seams, count: int, number: int | None) -> FormatCells:
+def _most_cells(cameras: int, settings: ResidualGridSettings) -> int:
+    """Along a side, of each camera: so few that collocation corrects all cameras together."""
+    if settings.method != "collocation" or cameras < 2:
+        return _MOST_CELLS
+    return max(1, min(_MOST_CELLS, isqrt(MOST_TOGETHER // cameras)))
+
+
+def _cells_of(
+    camera: FrameCamera, seams: Seams, count: int, number: int | None, most: int
+) -> FormatCells:
     tiles = max(len(seams.x), len(seams.y)) + 1
     if number is None:
-        number = max(tiles, _number_of_cells(count))
+        number = max(tiles, min(most, _number_of_cells(count)))
     if number < tiles:
         raise InputError(
             f"{number} × {number} sub-areas are fewer than the CCD images of the camera.",

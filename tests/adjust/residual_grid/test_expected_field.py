@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adjust.arrays import Floats
-from adjust.residual_grid.expected_field import ExpectedField, expected_field
+from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field
 from adjust.residual_grid.format_cells import FormatCells, Seams
 
 HALF = (0.05, 0.04)
@@ -15,7 +15,7 @@ SEAMS = Seams((-0.02, 0.02), (0.0,))
 
 def expected(cells: FormatCells, means: Floats, response: Floats, noise: Floats) -> ExpectedField:
     c = len(means)
-    return expected_field(cells, np.ones((2, cells.count), dtype=bool), means, response, noise, np.eye(c))
+    return expected_field([Places(cells, np.ones((2, cells.count), dtype=bool))], means, response, noise, np.eye(c))
 
 
 def drawn(cells: FormatCells, length: float, across: bool, seed: int) -> Floats:
@@ -113,10 +113,10 @@ def test_where_parameters_imitate_nearly_everything_nothing_is_made_up(number: i
     cells = FormatCells.of(HALF, number)
     c, means = 2 * cells.count, np.random.default_rng(3).normal(size=2 * cells.count)
     known = np.ones((2, cells.count), dtype=bool)
-    nothing = expected_field(cells, known, means, np.eye(c), np.eye(c), np.zeros((c, c)))
+    nothing = expected_field([Places(cells, known)], means, np.eye(c), np.eye(c), np.zeros((c, c)))
     assert nothing.sigma == 0.0
     assert not np.any(nothing.value)
-    hardly = expected_field(cells, known, means, np.eye(c), np.eye(c), 1e-9 * np.ones((c, c)))
+    hardly = expected_field([Places(cells, known)], means, np.eye(c), np.eye(c), 1e-9 * np.ones((c, c)))
     assert hardly.sigma == 0.0
 
 
