@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import optimize
 
 from adjust.arrays import Floats
 from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.joint_strips import JointStrips
 from adjust.calibration.strip_comparison import StripComparison
 from adjust.calibration.strip_means import StripMeans
-from adjust.calibration.strip_offsets import linear_fit, membership
+from adjust.calibration.strip_offsets import body_fixed, linear_fit, membership
 from tests.adjust.calibration.strips_flown import RULE, remounted, strips_flown
 
 
@@ -60,6 +61,75 @@ def _variance(joint: JointStrips, strips: StripMeans, members: Floats, axis: int
     """Of what roll or pitch show beyond mounting and tilt: what makes their squares fit."""
     left = strips.mean[:, axis] - joint.explained[:, axis]
     return linear_fit(members, left).squares / float(joint.freedom[axis])
+
+
+def test_it_is_the_most_probable_of_full_matrices() -> None:
+    """Variances by maximising the restricted likelihood, with a design written down from the signs."""
+    random = np.random.default_rng(4)
+    strips, k = strips_flown(random, (10, 12)), 22
+    mounting = np.arange(k) % 3 // 2
+    size = np.append(np.deg2rad([0.002, 0.001, 0.003]), [0.05, 0.04])
+    root = np.tile(size, k)[:, None] * random.normal(size=(5 * k, 12)) / 3.0
+    known = root @ root.T
+    errors = np.zeros((k, 6, k, 6))
+    errors[:, :5, :, :5] = known.reshape(k, 5, k, 5)
+    values = np.hstack([strips.mean[:, :3], strips.mean[:, 6:8]]).ravel() + root @ random.normal(size=12)
+    strips.mean[:, [0, 1, 2, 6, 7]] = values.reshape(k, 5)
+    design = np.zeros((k, 5, 4 + 10))
+    for strip, (mounted, heading) in enumerate(zip(mounting, strips.heading, strict=True)):
+        design[strip, 3:, 2 * strips.flight[strip] :][:, :2] = np.eye(2)
+        design[strip, :3, 4 + 3 * mounted :][:, :3] = np.eye(3)
+        forward, right = [np.sin(heading), np.cos(heading)], [np.cos(heading), -np.sin(heading)]
+        design[strip, 3:, 10 + 2 * mounted :][:, :2] = np.column_stack([forward, right])
+    x, which = design.reshape(5 * k, -1), np.tile([0, 1, 2, 3, 3], k)
+
+    def loss(logarithms: Floats) -> float:
+        covariance = known + np.diag((RULE.strip_sigma**2 * np.exp(logarithms))[which])
+        weight = np.linalg.inv(covariance)
+        normal = x.T @ weight @ x
+        left = values - x @ np.linalg.solve(normal, x.T @ weight @ values)
+        logs = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(normal)[1]
+        return float(0.5 * (logs + left @ weight @ left))
+
+    lowest = 2.0 * np.log(0.05)
+    found = optimize.minimize(loss, np.full(4, -2.0), method="L-BFGS-B", bounds=[(lowest, 8.0)] * 4)
+    noise = (RULE.strip_sigma**2 * np.exp(found.x))[which]
+    weight = np.linalg.inv(known + np.diag(noise))
+    cofactor = np.linalg.inv(x.T @ weight @ x)
+    solution = cofactor @ x.T @ weight @ values
+    projector = weight - weight @ x @ cofactor @ x.T @ weight
+    assert np.all(found.x > lowest)
+    joint = JointStrips.of(strips, mounting, StripErrors(errors), RULE.strip_sigma)
+    contrast = np.zeros((5, 14))
+    contrast[:3, 4:7], contrast[:3, 7:10] = -np.eye(3), np.eye(3)
+    contrast[3:, 10:12], contrast[3:, 12:] = -np.eye(2), np.eye(2)
+    difference, covariance = joint.differences(1, 0)
+    sigma = np.sqrt(np.diagonal(contrast @ cofactor @ contrast.T))
+    np.testing.assert_allclose(difference / sigma, contrast @ solution / sigma, atol=0.01)
+    np.testing.assert_allclose(np.sqrt(np.diagonal(covariance)), sigma, rtol=0.01)
+    explained = (known @ weight @ (values - x @ solution)).reshape(k, 5)
+    np.testing.assert_allclose(joint.explained / size, explained / size, atol=0.02)
+    freedom = np.bincount(which, noise * np.diagonal(projector))
+    np.testing.assert_allclose(joint.freedom, freedom, rtol=0.02)
+
+
+def test_what_the_block_explains_is_taken_off_in_all_axes() -> None:
+    strips = strips_flown(np.random.default_rng(6), (9, 9))
+    root = np.zeros((18, 6))
+    root[:, 1], root[:, 3], root[:, 4] = np.deg2rad(0.01), 0.3, np.linspace(-0.2, 0.2, 18)
+    strips.mean[:, :3] += 2.0 * root[:, :3]
+    turn = body_fixed(strips.heading, np.arange(18))
+    strips.mean[:, 6:8] += 2.0 * root[:, 3:5]
+    strips.mean[:, 3:5] = (turn.T @ strips.mean[:, 6:8].ravel()).reshape(-1, 2)
+    errors = StripErrors(np.einsum("ij,kl->ijkl", root, root))
+    joint = JointStrips.of(strips, np.zeros(18, dtype=np.int64), errors, RULE.strip_sigma)
+    assert np.abs(joint.explained[:, 4]).max() > 0.1
+    left = joint.less_explained(strips)
+    np.testing.assert_allclose(left.mean[:, :3], strips.mean[:, :3] - joint.explained[:, :3], atol=1e-15)
+    np.testing.assert_allclose(left.mean[:, 6:8], strips.mean[:, 6:8] - joint.explained[:, 3:], atol=1e-12)
+    in_body = (turn.T @ left.mean[:, 6:8].ravel()).reshape(-1, 2)
+    np.testing.assert_allclose(left.mean[:, 3:5], in_body, atol=1e-12)
+    np.testing.assert_array_equal(left.mean[:, [5, 8]], strips.mean[:, [5, 8]])
 
 
 def test_what_one_direction_does_not_say_is_not_compared() -> None:

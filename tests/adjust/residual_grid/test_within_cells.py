@@ -67,6 +67,29 @@ def test_errors_within_the_sub_areas_have_their_size() -> None:
     assert found(image, xy, of_half + noise).probability > 0.01
 
 
+def test_each_coordinate_counts_as_far_as_it_is_chosen() -> None:
+    random = np.random.default_rng(5)
+    image, xy = places(random)
+    third = CELLS.finer(3).place[CELLS.finer(3).cell_of(xy)] % 3
+    residual = random.normal(size=xy.shape)
+    residual[:, 1] += np.where(third[:, 1] == 1, -2.0, 1.0)
+    assert found(image, xy, residual).probability < 1e-12
+    for coordinate in (0, 1):
+        # What is not chosen is as if it were not there.
+        chosen = np.ones(xy.shape, dtype=bool)
+        chosen[: len(xy) // 2, coordinate] = False
+        other = np.where(chosen, residual, 100.0 + residual)
+        one, same = (within_cells(CELLS, "bilinear", image, xy, own, chosen) for own in (residual, other))
+        assert one == same
+        assert one is not None
+        assert one.probability < 1e-12
+        only = np.ones(xy.shape, dtype=bool)
+        only[:, 1 - coordinate] = False
+        single = within_cells(CELLS, "bilinear", image, xy, residual, only)
+        assert single is not None
+        assert (single.probability < 1e-12) == (coordinate == 1)
+
+
 def test_one_image_says_nothing() -> None:
     random = np.random.default_rng(3)
     _, xy = places(random, 500)
