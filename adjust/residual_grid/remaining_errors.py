@@ -210,6 +210,7 @@ def _finer(
 
 
 def _strongest(root: Floats, imitated: Floats, least: float) -> Floats:
-    """The combinations (c, e) of fields (c, r) that add more than a bound times N⁻¹ to a variance."""
+    """The combinations (c, e) of fields (c, r) that add more than a bound times N⁻¹ to a variance, one at least."""
     strength, combination = linalg.eigh(root.T @ imitated @ root)
-    return np.asarray(root @ combination[:, strength > least])
+    kept = min(int(np.searchsorted(strength, least)), len(strength) - 1)
+    return np.asarray(root @ combination[:, kept:])

@@ -18,7 +18,7 @@ class ResidualGridSettings(Settings):
 
     cells: Annotated[Whole, Field(ge=1, le=100)] | None = None
     """Sub-areas along each side of the image. Default 25, or fewer, so that a sub-area has 25 image points on
-    average. With `file`, those of the file. Seams between CCD images (`tiles` of the camera) are always
+    average, and 700 are enough for several cameras with the method `collocation`. With `file`, those of the file. Seams between CCD images (`tiles` of the camera) are always
     borders.
     """
     file: InputPaths = ()

@@ -254,6 +254,20 @@ def test_heights_of_a_block_that_bends_after_the_camera_have_their_sigma(
     assert 0.7 < having < most
 
 
+def test_where_all_that_is_left_is_small_the_largest_part_stays(
+    once: Corrected, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = once.errors()
+    monkeypatch.setattr(remaining_errors_module, "_NEGLECTED", 1e9)
+    largest = once.errors()
+    assert full is not None
+    assert largest is not None
+    assert largest.of_unknowns.count == 1 < full.of_unknowns.count
+    assert largest.sigma == full.sigma
+    rays = once.result.observations.image_points
+    assert largest.at(rays.image, rays.xy).shape == (len(rays.image), 2, 1)
+
+
 def test_a_held_focal_length_has_no_part_of_the_image_errors() -> None:
     # Radial errors are partly another focal length; as if they were not, errors of 1.37 σ were left.
     without, having = height_errors(
