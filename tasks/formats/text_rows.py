@@ -1,19 +1,20 @@
 """Rows of text split into fields: fast if they are correct, otherwise naming the wrong line and field.
 
-Rows go through Arrow's compiled parser. What it does not take as it stands (blank lines, quotation marks
-behind blanks, anything wrong) goes through that of pandas, which says where; only if that fails, too, are the
-rows read as text, to find the field to blame. Both read numbers to the last digit.
+Rows go through Arrow's compiled parser. Pieces of a file that it does not take as they stand (blank lines,
+quotation marks behind blanks, anything wrong) are read row by row, which finds the field to blame. Both read
+numbers to the last digit.
 """
 
 from __future__ import annotations
 
+import csv
 import io
+import math
 import re
-import warnings
-from collections.abc import Mapping, Sequence
+from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -25,14 +26,10 @@ from tasks.formats.table_layout import MARKS, Separator
 from tasks.formats.text_lines import line_feeds
 from tasks.plain_text import quoted
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 _NAMES = pa.dictionary(pa.int32(), pa.string())
-_REMAINDER = "\x00more"
 _DECIMAL_COMMA = re.compile(r"^[+-]?\d+,\d+$")
-# Of a line in the mean; no table has more columns.
-_MOST_MARKS = 1_000
+# No spreadsheet writes more of them for a row without anything.
+_MOST_FIELDS = 1_000
 _BLANK, _LINE_FEED = ord(" "), ord("\n")
 
 
@@ -95,11 +92,11 @@ def rows_of(content: bytes, layout: Layout, first_line: int) -> Rows:
         Naming the line: too many or too few columns, a field that is not a number, an open quotation mark,
         bytes that are not text in this encoding.
     """
-    return _plain_rows(content, layout) or _any_rows(content, layout, first_line)
+    return _plain_rows(content, layout) or _single_rows(content, layout, first_line)
 
 
 def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
-    """Rows that Arrow takes as pandas would; None: they must be examined more closely."""
+    """Rows that Arrow takes as they are; None: they must be examined more closely."""
     # A NUL ends a field for one of them; blanks before a quotation mark are passed over by one only.
     if b"\0" in content or (layout.quote.encode() in content and _marks_behind_blanks(content, layout)):
         return None
@@ -127,7 +124,7 @@ def _plain_rows(content: bytes, layout: Layout) -> Rows | None:
         )
     except (pa.ArrowException, ValueError):
         return None
-    # Rows without anything are passed over, which only the other parser's lines allow for.
+    # Rows without anything are passed over, and the lines of the others are not known.
     if len(table) != lines or all(column.null_count for column in table.columns):
         return None
     values = np.empty((lines, len(layout.numeric)))
@@ -177,81 +174,78 @@ def _without_leading_blanks(texts: pa.DictionaryArray) -> pa.DictionaryArray:
     return plain.take(texts.indices).dictionary_encode()
 
 
-def _any_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
-    """Rows as pandas takes them.
+def _single_rows(content: bytes, layout: Layout, first_line: int) -> Rows:
+    """Rows one by one.
 
     Raises
     ------
     InputError
         As of :func:`rows_of`.
     """
-    file = layout.file
-    if layout.separator != "blank":
-        # Rows without anything in them, as spreadsheets write them.
-        mark = MARKS[layout.separator].encode()
-        if content.count(mark) > _MOST_MARKS * (line_feeds(content) + 1):
-            # No spreadsheet writes so many for a row without anything.
-            _refuse_other_counts(content, layout, first_line)
-        nothing = re.compile(rb"^[" + re.escape(mark) + rb" \t]+$", re.MULTILINE)
-        content = nothing.sub(b"", content) if content.translate(None, mark + b" \t\n") else b"\n"
-        _refuse_other_counts(content, layout, first_line)
-    if content.isspace():
-        return Rows((pa.nulls(0, _NAMES),) * len(layout.texts), np.empty((0, len(layout.numeric))))
-    # Loaded for files that Arrow does not take as they are.
-    import pandas as pd
-
-    options = _options(layout)
-    kinds: dict[str, Any] = {
-        name: np.float64 if name in layout.numeric else object for name in (*layout.names, _REMAINDER)
-    }
-    try:
-        with warnings.catch_warnings():
-            # Of fields beyond the one column more, which is refused below.
-            warnings.simplefilter("ignore", pd.errors.ParserWarning)
-            frame = pd.read_csv(io.BytesIO(content), dtype=kinds, **options)
-    except UnicodeDecodeError as error:
-        raise _not_text(content, file, first_line, layout.encoding) from error
-    except pd.errors.ParserError as error:
-        raise _malformed(str(error), layout, first_line) from error
-    except (ValueError, TypeError) as error:
-        raise _not_a_number(content, file, layout.numeric, options, first_line) from error
-    blank = frame.isna().all(axis=1).to_numpy()
-    line = np.flatnonzero(~blank).astype(np.int32)
-    frame = frame[~blank]
-    _refuse_remainder(frame, line + first_line, layout)
+    texts: list[list[str | None]] = [[] for _ in layout.texts]
+    values, lines = array("d"), array("i")
+    for line, fields in _fields(content, layout, first_line):
+        of_name = dict(zip(layout.names, fields, strict=True))
+        for name, column in zip(layout.texts, texts, strict=True):
+            column.append(of_name[name] or None)
+        values.extend(_number(of_name[name], name, layout, line) for name in layout.numeric)
+        lines.append(line - first_line)
     return Rows(
-        tuple(
-            pa.array(frame[name], pa.string(), from_pandas=True).dictionary_encode() for name in layout.texts
-        ),
-        frame[list(layout.numeric)].to_numpy(np.float64),
-        line,
+        tuple(pa.array(column, pa.string()).dictionary_encode() for column in texts),
+        np.array(values).reshape(len(lines), len(layout.numeric)),
+        np.array(lines, dtype=np.int32),
     )
 
 
-def _options(layout: Layout) -> Mapping[str, Any]:
-    # One column more than the file should have: surplus fields land there instead of getting lost.
-    return {
-        "sep": r"\s+" if layout.separator == "blank" else MARKS[layout.separator],
-        "decimal": layout.decimal,
-        "quotechar": layout.quote,
-        "header": None,
-        "names": [*layout.names, _REMAINDER],
-        "index_col": False,
-        "skip_blank_lines": False,
-        "skipinitialspace": True,
-        "keep_default_na": False,
-        "na_values": [""],
-        "encoding": layout.encoding,
-    }
+def _fields(content: bytes, layout: Layout, first_line: int) -> Iterator[tuple[int, list[str]]]:
+    """Line and fields of each row with anything in it; as many fields as columns.
+
+    An empty field keeps its mark: a row with fewer marks is what a file ends with that was cut off inside it.
+    One mark more, at the end, is not a column.
+    """
+    text, expected = _decoded(content, layout, first_line), len(layout.names)
+    if layout.separator == "blank":
+        text = re.sub(" +$", "", text.replace("\t", " "), flags=re.MULTILINE)
+    rows = csv.reader(
+        io.StringIO(text, newline=""),
+        delimiter=MARKS[layout.separator],
+        quotechar=layout.quote,
+        skipinitialspace=True,
+        strict=True,
+    )
+    line = first_line
+    try:
+        for row in rows:
+            fields = [field.lstrip(" \t") for field in row]
+            found = len(fields)
+            if any(fields) or found > _MOST_FIELDS:
+                if found > expected + 1 or any(fields[expected:]):
+                    raise _too_many(layout, line)
+                if found < expected and layout.separator != "blank":
+                    raise Location(layout.file, line).error(
+                        f"This line has {found} column{'s' * (found > 1)}, but the header has {expected}.",
+                        "The file may have been cut off here: deliver it again. An empty field still needs "
+                        f"its {layout.separator}.",
+                    )
+                yield line, (fields + [""] * expected)[:expected]
+            line = first_line + rows.line_num
+    except csv.Error as error:
+        raise Location(layout.file, line).error(
+            "A quotation mark is not closed, or followed by text.", "Close it or delete it."
+        ) from error
 
 
-def _refuse_remainder(frame: pd.DataFrame, line: NDArray[np.int32], layout: Layout) -> None:
-    surplus = frame[_REMAINDER].notna().to_numpy()
-    if surplus.any():
-        raise _too_many(layout, int(line[np.argmax(surplus)]))
+def _decoded(content: bytes, layout: Layout, first_line: int) -> str:
+    try:
+        return content.decode(layout.encoding)
+    except UnicodeDecodeError as error:
+        raise Location(layout.file, first_line + content.count(b"\n", 0, error.start)).error(
+            f"This contains characters that are not {layout.encoding.upper()} text.",
+            'Save the file as UTF-8, or, if it is a table (csv), declare encoding = "latin-1".',
+        ) from error
 
 
-def _too_many(layout: Layout, line: int | None) -> InputError:
+def _too_many(layout: Layout, line: int) -> InputError:
     decimal = "comma" if layout.decimal == "," else "point"
     return Location(layout.file, line).error(
         f"This line has more than {len(layout.names)} columns.",
@@ -259,88 +253,20 @@ def _too_many(layout: Layout, line: int | None) -> InputError:
     )
 
 
-def _refuse_other_counts(content: bytes, layout: Layout, first_line: int) -> None:
-    """Refuse rows with fewer marks than columns, as a file ends with that was cut off inside a row, or more.
-
-    An empty field keeps its mark, so this is no question of what is given; one at the end is not a column.
-    """
-    expected = len(layout.names)
-    signs = np.frombuffer(content, dtype=np.uint8)
-    ends = np.flatnonzero(signs == _LINE_FEED)
-    ends = ends if len(ends) and ends[-1] == len(signs) - 1 else np.append(ends, len(signs))
-    marks = np.diff(np.searchsorted(np.flatnonzero(signs == ord(MARKS[layout.separator])), ends), prepend=0)
-    starts = np.append(0, ends[:-1] + 1)
-    others = ((marks < expected - 1) & (ends > starts)) | (marks > expected)
-    for row in np.flatnonzero(others).tolist():
-        text = content[starts[row] : ends[row]]
-        # A field in quotation marks may hold line ends.
-        if not text.strip() or layout.quote.encode() in text:
-            continue
-        if marks[row] > expected:
-            raise _too_many(layout, first_line + row)
-        found = int(marks[row]) + 1
-        raise Location(layout.file, first_line + row).error(
-            f"This line has {found} column{'s' * (found > 1)}, but the header has {expected}.",
-            "The file may have been cut off here: deliver it again. An empty field still needs its "
-            f"{layout.separator}.",
-        )
-
-
-def _malformed(message: str, layout: Layout, first_line: int) -> InputError:
-    quote = re.search(r"EOF inside string starting at row (\d+)", message)
-    if quote:
-        line = int(quote.group(1)) + first_line
-        return Location(layout.file, line).error("A quotation mark is not closed.", "Close it or delete it.")
-    found = re.search(r"in line (\d+)", message)
-    return _too_many(layout, int(found.group(1)) - 1 + first_line if found else None)
-
-
-def _not_text(content: bytes, file: Path, first_line: int, encoding: str) -> InputError:
+def _number(text: str, name: str, layout: Layout, line: int) -> float:
+    """The number of a field; NaN where it is empty."""
+    plain = text.replace(".", "?").replace(",", ".") if layout.decimal == "," else text
     try:
-        content.decode(encoding)
-        line = None
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + first_line
-    return Location(file, line).error(
-        f"This contains characters that are not {encoding.upper()} text.",
-        'Save the file as UTF-8, or, if it is a table (csv), declare encoding = "latin-1".',
-    )
-
-
-def _not_a_number(
-    content: bytes,
-    file: Path,
-    numeric: Sequence[str],
-    options: Mapping[str, Any],
-    first_line: int,
-) -> InputError:
-    """Read everything as text and name the first field that is not a number."""
-    import pandas as pd
-
-    with warnings.catch_warnings():
-        # Of fields beyond the columns, which are refused where all numbers are some.
-        warnings.simplefilter("ignore", pd.errors.ParserWarning)
-        try:
-            frame = pd.read_csv(io.BytesIO(content), dtype=object, **options)
-        except UnicodeDecodeError:
-            return _not_text(content, file, first_line, options["encoding"])
-    bad = np.zeros((len(frame), len(numeric)), dtype=bool)
-    for position, name in enumerate(numeric):
-        given = frame[name].notna()
-        # "nan" converts, but is not a number either.
-        shown = frame[name]
-        if options["decimal"] == ",":
-            shown = shown.str.replace(".", "?").str.replace(",", ".")
-        bad[:, position] = (given & pd.to_numeric(shown, errors="coerce").isna()).to_numpy()
-    row = int(np.argmax(bad.any(axis=1)))
-    name = list(numeric)[int(np.argmax(bad[row]))]
-    value = str(frame[name].iloc[row])
+        # Python takes 1_000 and "nan" for numbers, too.
+        if not text or ("_" not in plain and plain.isascii() and not math.isnan(float(plain))):
+            return float(plain or "nan")
+    except ValueError:
+        pass
     remedy = "Correct the field or delete the line."
-    if _DECIMAL_COMMA.match(value):
+    if _DECIMAL_COMMA.match(text):
         remedy = 'Declare decimal = "," for this input, or write numbers with a decimal point.'
-    elif value.lower().lstrip("+-") in {"nan", "na", "null", "none"}:
+    elif text.lower().lstrip("+-") in {"nan", "na", "null", "none"}:
         remedy = (
             "Leave the field empty if the value is not known and may be missing; otherwise delete the line."
         )
-    what = f"{quoted(value)} in the column '{name}' is not a number."
-    return InputError(what, remedy, file, row + first_line)
+    raise InputError(f"{quoted(text)} in the column '{name}' is not a number.", remedy, layout.file, line)

@@ -112,12 +112,7 @@ def test_one_field_too_few_is_an_error_on_its_line(file):
 
 @pytest.mark.parametrize("last", ["C3,1,2", "C3,1", "C3", "C3,1,2,3,0.1,0.1", '"C, 3",1', "C3,1,2\n\n"])
 def test_a_control_file_cut_off_inside_a_row_is_not_a_point_known_in_plan(file, last):
-    text = "point,x,y,z,sx,sy,sz\nC1,1,2,3,,,\n\nC2,1,2,,0.1,0.1,\n" + last
-    if '"' in last:
-        # One comma more, for it may belong to the name; what is missing is then empty.
-        assert np.isnan(read_csv_control(file(text)).position[2, 1])
-        return
-    error = refused(read_csv_control, file(text))
+    error = refused(read_csv_control, file("point,x,y,z,sx,sy,sz\nC1,1,2,3,,,\n\nC2,1,2,,0.1,0.1,\n" + last))
     assert error.line == 5
     assert "cut off" in error.remedy
 
@@ -145,6 +140,20 @@ def test_an_open_quotation_mark_is_an_error(file):
     assert (
         "quotation mark" in refused(read_csv_image_points, file('image,point,x,y\nI,"P,1,2\nI,Q,1,2\n')).what
     )
+
+
+def test_lines_are_counted_where_a_name_in_quotation_marks_has_a_line_end(file):
+    """Names with a line end are refused on the line where their row begins; the next row keeps its own."""
+    text = 'point,x,y,z,note\nC1,1,2,3,"one\ntwo"\n\nC2,1,oops,3,\n'
+    error = refused(read_csv_control, file(text))
+    assert (error.line, "'oops' in the column 'y'" in error.what) == (5, True)
+
+
+@pytest.mark.parametrize("text", ["1_000", "٣", "nan", "-NaN", "1,5", "1 5", "0x10"])
+def test_what_python_or_pandas_would_take_for_a_number_is_none(file, text):
+    """Below a blank line, so that the row is not read by Arrow."""
+    error = refused(read_csv_control, file(f'point,x,y,z\n\nC1,"{text}",2,3\n'))
+    assert (error.line, "'x' is not a number" in error.what) == (3, True)
 
 
 def test_bytes_that_are_not_utf8_name_their_line(file):
