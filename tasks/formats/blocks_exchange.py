@@ -29,13 +29,12 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.crs_definition import WELL_KNOWN
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
-from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.long_columns import LongPoints, table_of
 from tasks.formats.named_entries import ImagesByName, take_camera
 from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
     exposures_of,
-    image_points_of,
     number_of,
 )
 from tasks.formats.records import (
@@ -246,7 +245,7 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
     for name, _, photo in _photos(path, root):
         number = photo.findtext("Id")
         photos[number] = images.named(name, number)
-    image, point, xy = LongNames(), LongNames(), array("d")
+    points = LongPoints()
     named = ((item.findtext("Name") or "", item) for item in root.iter("ControlPoint"))
     ties = ((f"tie{k}", item) for k, item in enumerate(root.iter("TiePoint"), start=1))
     for name, item in chain(named, ties):
@@ -257,11 +256,8 @@ def read_blocks_image_points(path: Path) -> ImagePointRecords:
                     f"A measurement is in the photo {number}, which is not in the file.",
                     "Export all photos of the block.",
                 )
-            image.append(photos[number])
-            point.append(name)
-            xy.extend(_number(path, measurement, axis) for axis in "xy")
-    table = table_of(xy, 2)
-    return image_points_of(path, image.column(), point.column(), table, range(1, len(table) + 1))
+            points.append(photos[number], name, [_number(path, measurement, axis) for axis in "xy"])
+    return points.records(path)
 
 
 def _photos(

@@ -23,14 +23,13 @@ import numpy as np
 
 from tasks.errors import Location
 from tasks.formats.crs_definition import WELL_KNOWN
-from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.long_columns import LongPoints, table_of
 from tasks.formats.named_entries import NotTaken, take_camera
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
     exposures_of,
-    image_points_of,
     numbers_of,
 )
 from tasks.formats.records import (
@@ -234,26 +233,23 @@ def read_inpho_image_points(path: Path) -> ImagePointRecords:
     InputError
         With file and line: no points, numbers missing, points that are not pixels.
     """
-    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
+    points = LongPoints()
     for block in _blocks(path):
         if block.name != "PHOTO":
             continue
         rows = block.values.get("PHOTO_POINTS", [])
         name = block.name_of(path, "PHOTO_NUM", "ID", "PHOTO_FILE") if rows else ""
         for number, words in rows:
-            image.append(name)
-            point.append(words[0])
-            xy.extend(numbers_of(path, words[1:], 2, number, "column and row"))
-            at.append(number)
-    table = table_of(xy, 2)
-    outside = np.flatnonzero((table < _FIRST_PIXEL).any(axis=1))
+            points.append(name, words[0], numbers_of(path, words[1:], 2, number, "column and row"), number)
+    found = points.records(path)
+    outside = np.flatnonzero((found.xy < _FIRST_PIXEL).any(axis=1))
     if len(outside):
-        x, y = table[outside[0]]
-        raise Location(path, at[outside[0]]).error(
+        x, y = found.xy[outside[0]]
+        raise Location(path, int(found.line[outside[0]])).error(
             f"The points are not pixels from the first one on: here is one at ({x:g}, {y:g}).",
             "Points of scanned film are in mm from the middle: export them as PATB, and declare the unit.",
         )
-    return image_points_of(path, image.column(), point.column(), table, at)
+    return found
 
 
 def read_inpho_control(path: Path) -> ControlRecords:

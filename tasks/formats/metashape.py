@@ -31,7 +31,7 @@ import numpy as np
 from adjust.arrays import Floats
 from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
-from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.long_columns import LongPoints, table_of
 from tasks.formats.metashape_rigs import MetashapeRigs, transform_of
 from tasks.formats.named_entries import ImagesByName
 from tasks.formats.plain_lines import numbered_lines
@@ -40,7 +40,6 @@ from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
     exposures_of,
-    image_points_of,
     number_of,
     numbers_of,
 )
@@ -271,8 +270,7 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
     root = parsed_xml(path)
     markers = {item.get("id"): item.get("label") for item in root.iter("marker") if "label" in item.attrib}
     cameras = {item.get("id"): item.get("label") for item in root.iter("camera") if "label" in item.attrib}
-    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
-    images, number = ImagesByName(path), 0
+    points, images, number = LongPoints(), ImagesByName(path), 0
     for item in root.iter("camera"):
         if item.get("enabled") not in ("false", "0") and "label" in item.attrib:
             images.named(item.attrib["label"], item.get("id"))
@@ -287,11 +285,10 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
                     "A measurement refers to a marker or camera that is not in the file.",
                     "Export the markers with the cameras of the chunk.",
                 )
-            point.append(name)
-            image.append(images.named(seen_in, location.get("camera_id")))
-            xy.extend(number_of(path, location.get(axis, ""), number, f"its {axis}") for axis in "xy")
-            at.append(number)
-    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
+            image = images.named(seen_in, location.get("camera_id"))
+            xy = [number_of(path, location.get(axis, ""), number, f"its {axis}") for axis in "xy"]
+            points.append(image, name, xy, number)
+    return points.records(path)
 
 
 # Both are printed with six decimals and more.

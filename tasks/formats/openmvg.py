@@ -19,13 +19,12 @@ import numpy as np
 
 from tasks.errors import Location
 from tasks.formats.json_value import JsonValue, json_value
-from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.long_columns import LongPoints, table_of
 from tasks.formats.named_entries import ImagesByName
 from tasks.formats.plain_records import (
     CV_AXES,
     degrees_of_rotations,
     exposures_of,
-    image_points_of,
 )
 from tasks.formats.records import (
     AngleOrder,
@@ -129,7 +128,7 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
     images = ImagesByName(path)
     listed = ((view["id_view"].whole(), view["filename"].text()) for view in _views(file))
     names = {number: images.named(name, number) for number, name in listed}
-    image, point, xy = LongNames(), LongNames(), array("d")
+    points = LongPoints()
     for key, prefix in (("structure", ""), ("control_points", "cp")):
         for one in file[key].taken() if file.has(key) else []:
             name = f"{prefix}{one['key'].whole()}"
@@ -139,11 +138,8 @@ def read_openmvg_image_points(path: Path) -> ImagePointRecords:
                     raise Location(path, entity=seen.where).error(
                         "An observation does not belong to a view.", "Deliver it again."
                     )
-                image.append(view)
-                point.append(name)
-                xy.extend(seen["value"]["x"].numbers(2))
-    table = table_of(xy, 2)
-    return image_points_of(path, image.column(), point.column(), table, range(1, len(table) + 1))
+                points.append(view, name, seen["value"]["x"].numbers(2))
+    return points.records(path)
 
 
 def _opened(path: Path) -> JsonValue:

@@ -27,7 +27,7 @@ from adjust.geometry.rotation import exp
 from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.json_value import JsonValue, json_value
-from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.long_columns import LongPoints, table_of
 from tasks.formats.opensfm_rigs import opensfm_rigs
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
@@ -35,7 +35,6 @@ from tasks.formats.plain_records import (
     control_of,
     degrees_of_rotations,
     exposures_of,
-    image_points_of,
     number_of,
     numbers_of,
     pieces_of,
@@ -171,18 +170,15 @@ def read_opensfm_tracks(path: Path) -> ImagePointRecords:
         raise Location(path, 1).error(
             "The file does not begin with OPENSFM_TRACKS_VERSION_v1 or v2.", "Check that it is tracks.csv."
         )
-    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
+    points = LongPoints()
     for number, line in rows:
         if not line.strip():
             continue
         fields = line.split("\t")
         x, y = numbers_of(path, fields[3:], 2, number, "shot, track, feature, x, y")
-        image.append(fields[0])
-        point.append(fields[1])
         # Their y counts downwards.
-        xy.extend((x, 0.0 - y))
-        at.append(number)
-    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
+        points.append(fields[0], fields[1], (x, 0.0 - y), number)
+    return points.records(path)
 
 
 def read_odm_control(path: Path) -> ControlRecords:
@@ -215,13 +211,10 @@ def read_odm_measurements(path: Path) -> ImagePointRecords:
     InputError
         With file and line: fields missing.
     """
-    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
+    points = LongPoints()
     for name, _, column_row, seen_in, number in _gcp_list(path, _with_crs(path)[1]):
-        image.append(seen_in)
-        point.append(name)
-        xy.extend(column_row)
-        at.append(number)
-    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
+        points.append(seen_in, name, column_row, number)
+    return points.records(path)
 
 
 def _gcp_list(

@@ -7,12 +7,11 @@ side, y downwards; unit = "longer-side". Source: OpenSfM's documentation, "Groun
 
 from __future__ import annotations
 
-from array import array
 from pathlib import Path
 
 from tasks.formats.json_value import JsonValue, json_value
-from tasks.formats.long_columns import LongNames, table_of
-from tasks.formats.plain_records import control_of, image_points_of
+from tasks.formats.long_columns import LongPoints
+from tasks.formats.plain_records import control_of
 from tasks.formats.records import ControlRecords, FileStatement, ImagePointRecords
 from tasks.formats.text_table import read_bytes
 
@@ -46,15 +45,12 @@ def read_opensfm_measurements(path: Path) -> ImagePointRecords:
     InputError
         If the file is another one, or a number is missing.
     """
-    image, point, xy, at = LongNames(), LongNames(), array("d"), array("q")
+    points = LongPoints()
     for number, one in enumerate(_points(path), start=1):
         for seen in one["observations"].items():
             x, y = seen["projection"].numbers(2)
-            image.append(seen["shot_id"].text())
-            point.append(one["id"].text())
-            xy.extend((x, 0.0 - y))
-            at.append(number)
-    return image_points_of(path, image.column(), point.column(), table_of(xy, 2), at)
+            points.append(seen["shot_id"].text(), one["id"].text(), (x, 0.0 - y), number)
+    return points.records(path)
 
 
 def _points(path: Path) -> list[JsonValue]:

@@ -25,7 +25,7 @@ import numpy as np
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.json_value import JsonValue
-from tasks.formats.long_columns import LongNames, table_of
+from tasks.formats.long_columns import LongPoints, table_of
 from tasks.formats.opf_captures import captures_of, opf_rigs, projected_captures_of
 from tasks.formats.opf_project import OpfProject, canonical_shift, crs_of, east_north, name_of, named
 from tasks.formats.plain_records import (
@@ -34,7 +34,6 @@ from tasks.formats.plain_records import (
     degrees_of_rotations,
     distances_of,
     exposures_of,
-    image_points_of,
     pieces_of,
 )
 from tasks.formats.records import (
@@ -197,22 +196,18 @@ def read_opf_image_points(path: Path) -> ImagePointRecords:
     """
     project = OpfProject(path)
     names = project.images()
-    points = project.optional("input_control_points", "input-control-points")
-    image, point, xy = LongNames(), LongNames(), array("d")
+    given = project.optional("input_control_points", "input-control-points")
+    points = LongPoints()
     for kind in ("gcps", "mtps"):
-        for one in points[kind].items() if points is not None and points.has(kind) else []:
+        for one in given[kind].items() if given is not None and given.has(kind) else []:
             for mark in one["marks"].items():
-                image.append(named(mark["camera_id"], names))
-                point.append(one["id"].text())
-                xy.extend(mark["position_px"].numbers(2))
+                image = named(mark["camera_id"], names)
+                points.append(image, one["id"].text(), mark["position_px"].numbers(2))
     tracks = project.tracks()
     if tracks is not None:
-        for number, tie in zip(tracks.camera, tracks.point.tolist(), strict=True):
-            image.append(name_of(number, names, path))
-            point.append(f"tie{tie + 1}")
-        xy.frombytes(tracks.xy.tobytes())
-    table = table_of(xy, 2)
-    return image_points_of(path, image.column(), point.column(), table, range(1, len(table) + 1))
+        for number, tie, xy in zip(tracks.camera, tracks.point.tolist(), tracks.xy, strict=True):
+            points.append(name_of(number, names, path), f"tie{tie + 1}", xy)
+    return points.records(path)
 
 
 def _pair(value: JsonValue) -> list[JsonValue]:
