@@ -15,8 +15,8 @@ from adjust.parameters import State
 from tasks.block.given_orientations import GivenOrientations
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, map_from_local
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.deliveries import APPROXIMATE_BORESIGHT, APPROXIMATE_POINTS, IMAGES
+from tasks.tables.stage_table import write_stage_table
 
 USED = "used"
 WEAK_ANGLE = "weak_angle"
@@ -67,31 +67,24 @@ def write_points(folder: Path, found: Approximation, map_frame: MapFrame) -> Non
     known = np.isfinite(found.x_in_local).all(axis=1)
     if known.any():
         x_in_map[known] = map_from_local(map_frame, found.frame, found.x_in_local[known])
-    write_table(
-        folder / "approximate_points.parquet",
-        APPROXIMATE_POINTS,
-        {
-            "point": found.point,
-            **{f"{axis}_m": x_in_map[:, k] for k, axis in enumerate("xyz")},
-            "rays": found.rays,
-            "angle_deg": np.rad2deg(found.angle),
-            "status": found.status,
-        },
-        map_frame,
-    )
+    columns = {
+        "point": found.point,
+        **{f"{axis}_m": x_in_map[:, k] for k, axis in enumerate("xyz")},
+        "rays": found.rays,
+        "angle_deg": np.rad2deg(found.angle),
+        "status": found.status,
+    }
+    write_stage_table(folder, APPROXIMATE_POINTS, columns, map_frame)
 
 
 def write_boresight(folder: Path, given: GivenOrientations) -> None:
     """approximate_boresight.parquet: where the adjustment begins."""
     angles = np.rad2deg(given.mountings.boresight)
-    write_table(
-        folder / "approximate_boresight.parquet",
-        APPROXIMATE_BORESIGHT,
-        {
-            "camera": list(given.mountings.names),
-            **{f"{name}_deg": angles[:, k] for k, name in enumerate(("roll", "pitch", "yaw"))},
-        },
-    )
+    columns = {
+        "camera": list(given.mountings.names),
+        **{f"{name}_deg": angles[:, k] for k, name in enumerate(("roll", "pitch", "yaw"))},
+    }
+    write_stage_table(folder, APPROXIMATE_BORESIGHT, columns)
 
 
 def write_images(folder: Path, found: Approximation, absent: pd.DataFrame) -> None:
@@ -115,16 +108,13 @@ def write_images(folder: Path, found: Approximation, absent: pd.DataFrame) -> No
     above = found.frame.height(found.state.projection_centre) - ground
     nothing = np.full(len(absent), np.nan)
     names = given.mountings.names
-    write_table(
-        folder / "images.parquet",
-        IMAGES,
-        {
-            "image": [*given.image, *absent["image"]],
-            "camera": [*(names[i] for i in given.camera), *absent["camera"]],
-            "strip": [*(s or None for s in given.strip), *absent["strip"]],
-            "flight": [*(f or None for f in given.flight), *absent["flight"]],
-            "heading_deg": np.concatenate([np.rad2deg(given.headings()) % 360.0, nothing]),
-            "height_above_ground_m": np.concatenate([above, nothing]),
-            "status": [USED] * len(given.image) + [_NOT_ORIENTED] * len(absent),
-        },
-    )
+    columns = {
+        "image": [*given.image, *absent["image"]],
+        "camera": [*(names[i] for i in given.camera), *absent["camera"]],
+        "strip": [*(s or None for s in given.strip), *absent["strip"]],
+        "flight": [*(f or None for f in given.flight), *absent["flight"]],
+        "heading_deg": np.concatenate([np.rad2deg(given.headings()) % 360.0, nothing]),
+        "height_above_ground_m": np.concatenate([above, nothing]),
+        "status": [USED] * len(given.image) + [_NOT_ORIENTED] * len(absent),
+    }
+    write_stage_table(folder, IMAGES, columns)

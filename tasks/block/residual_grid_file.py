@@ -22,8 +22,8 @@ from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.errors import Location
 from tasks.nearest_name import did_you_mean
 from tasks.tables.foreign import read_foreign_table
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.residual_grid import RESIDUAL_GRID
+from tasks.tables.stage_table import write_stage_table
 
 _MM = 1e-3
 _UM = 1e-6
@@ -45,11 +45,7 @@ def write_residual_grid(
         if grid is not None
     ]
     table = pd.concat(parts, ignore_index=True)
-    write_table(
-        folder / "residual_grid.parquet",
-        RESIDUAL_GRID,
-        {name: table[name].to_numpy() for name in table.columns},
-    )
+    write_stage_table(folder, RESIDUAL_GRID, table)
 
 
 def _rows(camera: str, grid: ResidualGrid, field: CorrectionField | None, confidence: float) -> pd.DataFrame:

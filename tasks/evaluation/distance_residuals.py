@@ -13,8 +13,8 @@ from adjust.quality.single_error import hat_matrices
 from adjust.result import GroupResult, ObservationStatus
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.results.summary import DistanceFigures
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.adjustment import DISTANCE_RESIDUALS
+from tasks.tables.stage_table import write_stage_table
 
 
 def write_distance_residuals(folder: Path, adjusted: AdjustedBlock) -> pd.DataFrame:
@@ -26,11 +26,7 @@ def write_distance_residuals(folder: Path, adjusted: AdjustedBlock) -> pd.DataFr
     parts = [_rows(adjusted, item) for item in adjusted.result.groups if isinstance(item.group, Distances)]
     names = [column.name for column in DISTANCE_RESIDUALS.columns]
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=names)
-    write_table(
-        folder / "distance_residuals.parquet",
-        DISTANCE_RESIDUALS,
-        {name: table[name].to_numpy() for name in names},
-    )
+    write_stage_table(folder, DISTANCE_RESIDUALS, table[names])
     return table
 
 

@@ -19,8 +19,8 @@ from adjust.parameters import GNSS_STRIP_BIAS
 from adjust.quality.parameter_influences import ParameterInfluence, parameter_influences
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.parameters import PARAMETER_INFLUENCES
+from tasks.tables.stage_table import write_stage_table
 
 _KINDS = {
     GnssPositions.name: "position",
@@ -43,11 +43,7 @@ def write_parameter_influences(folder: Path, adjusted: AdjustedBlock, options: A
         found = parameter_influences(adjusted.result, columns)
         parts = [_rows(adjusted, item, names, factors) for item in found if item.group.name in _KINDS]
         rows = pd.concat(parts, ignore_index=True)
-    write_table(
-        folder / "parameter_influences.parquet",
-        PARAMETER_INFLUENCES,
-        {name: rows[name].to_numpy() for name in rows.columns},
-    )
+    write_stage_table(folder, PARAMETER_INFLUENCES, rows)
 
 
 def _estimated(adjusted: AdjustedBlock) -> tuple[list[tuple[str, str, str]], Floats, np.ndarray]:

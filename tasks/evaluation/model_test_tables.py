@@ -23,8 +23,8 @@ from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.files.json_text import JSON
 from tasks.quantities import reported_unit
 from tasks.results.figures import RestoredGroup, StripScatter
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
+from tasks.tables.stage_table import write_stage_table
 
 #: Probability that any alternative of a complete model is called significant, shared among all of them.
 ERROR_PROBABILITY = 0.005
@@ -323,8 +323,4 @@ def write_model_alternatives(folder: Path, examined: ExaminedModel) -> None:
         (MODEL_ALTERNATIVES, examined.table()),
         (MODEL_ALTERNATIVE_EFFECTS, examined.effects()),
     ):
-        columns = {
-            column.name: rows[column.name].to_numpy() if column.name in rows else np.zeros(0)
-            for column in schema.columns
-        }
-        write_table(folder / f"{schema.name}.parquet", schema, columns)
+        write_stage_table(folder, schema, rows.reindex(columns=[column.name for column in schema.columns]))

@@ -11,9 +11,9 @@ from adjust.arrays import Floats
 from adjust.quality.picture_cofactor import cofactors_between_pictures, picture_cofactors
 from tasks.deliveries.neighbouring_images import neighbours
 from tasks.evaluation.result_tables import AdjustedBlock, axes_of_orientations, xyz_columns
-from tasks.tables.parquet import write_table
 from tasks.tables.places import places_of
 from tasks.tables.schemas.adjustment import NEIGHBOURING_IMAGES
+from tasks.tables.stage_table import write_stage_table
 
 _DEGREE = float(np.rad2deg(1.0))
 _ANGLES = ("omega", "phi", "kappa")
@@ -46,17 +46,14 @@ def write_neighbouring_images(folder: Path, adjusted: AdjustedBlock, exposures: 
     correlation = both / np.sqrt(first * second)
     sigma = sigma0 * np.sqrt(np.maximum(first + second - 2.0 * both, 0.0))
     names = np.array(adjusted.block.images, dtype=object)
-    write_table(
-        folder / "neighbouring_images.parquet",
-        NEIGHBOURING_IMAGES,
-        {
-            "image": names[one],
-            "next_image": names[other],
-            **xyz_columns("rho_{}", (*"xyz", *_ANGLES), correlation),
-            **xyz_columns("sigma_d{}_m", "xyz", sigma[:, :3]),
-            **xyz_columns("sigma_d{}_deg", _ANGLES, sigma[:, 3:] * _DEGREE),
-        },
-    )
+    columns = {
+        "image": names[one],
+        "next_image": names[other],
+        **xyz_columns("rho_{}", (*"xyz", *_ANGLES), correlation),
+        **xyz_columns("sigma_d{}_m", "xyz", sigma[:, :3]),
+        **xyz_columns("sigma_d{}_deg", _ANGLES, sigma[:, 3:] * _DEGREE),
+    }
+    write_stage_table(folder, NEIGHBOURING_IMAGES, columns)
 
 
 def _diagonals(matrices: Floats) -> Floats:

@@ -17,8 +17,8 @@ from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
+from tasks.tables.stage_table import write_stage_table
 
 
 def parameter_table(
@@ -147,22 +147,15 @@ def write_parameters(
 ) -> pd.DataFrame:
     """parameters.parquet and correlations.parquet; returns the parameters."""
     table = parameter_table(adjusted, confidence, eliminated)
-    write_table(
-        folder / "parameters.parquet",
-        PARAMETERS,
-        {name: table[name].to_numpy() for name in table.columns},
-    )
+    write_stage_table(folder, PARAMETERS, table)
     names, correlations = _correlated(adjusted)
     first, second = np.triu_indices(len(names), 1)
-    write_table(
-        folder / "correlations.parquet",
-        CORRELATIONS,
-        {
-            "parameter_a": [names[i].name for i in first],
-            "entity_a": [names[i].entity for i in first],
-            "parameter_b": [names[i].name for i in second],
-            "entity_b": [names[i].entity for i in second],
-            "correlation": correlations[first, second],
-        },
-    )
+    columns = {
+        "parameter_a": [names[i].name for i in first],
+        "entity_a": [names[i].entity for i in first],
+        "parameter_b": [names[i].name for i in second],
+        "entity_b": [names[i].entity for i in second],
+        "correlation": correlations[first, second],
+    }
+    write_stage_table(folder, CORRELATIONS, columns)
     return table

@@ -29,8 +29,8 @@ from tasks.results.figures import (
     ResidualGridFigure,
     WithinCellsFigure,
 )
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION
+from tasks.tables.stage_table import write_stage_table
 
 _MM = 1e-3
 _UM = 1e-6
@@ -47,11 +47,7 @@ def write_residual_autocorrelation(
         for component, name in enumerate("xy")
     ]
     table = pd.concat(parts, ignore_index=True)
-    write_table(
-        folder / "residual_autocorrelation.parquet",
-        RESIDUAL_AUTOCORRELATION,
-        {name: table[name].to_numpy() for name in table.columns},
-    )
+    write_stage_table(folder, RESIDUAL_AUTOCORRELATION, table)
 
 
 def _rows(camera: str, component: int, name: str, own: Autocorrelation) -> pd.DataFrame:

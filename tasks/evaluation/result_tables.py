@@ -34,8 +34,9 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 from tasks.tables.geometry import box_around
 from tasks.tables.names import Names
-from tasks.tables.parquet import write_row_groups, write_table
+from tasks.tables.parquet import write_row_groups
 from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS, OBJECT_POINTS
+from tasks.tables.stage_table import write_stage_table
 
 _DEGREE = float(np.rad2deg(1.0))
 #: Rows of a long table that are put into columns at once: some ten megabytes.
@@ -86,19 +87,15 @@ def write_exterior_orientations(folder: Path, adjusted: AdjustedBlock) -> None:
     cofactor = picture_cofactors(result.state, result.layout, result.cofactor, adjusted.sigma0)
     of_position = _sigmas(grid_from_local, cofactor[:, :3, :3], adjusted.sigma0)
     of_angles = _sigmas(axes[:, 3:, 3:], cofactor[:, 3:, 3:], adjusted.sigma0) * _DEGREE
-    write_table(
-        folder / "exterior_orientations.parquet",
-        EXTERIOR_ORIENTATIONS,
-        {
-            "image": adjusted.block.images,
-            **xyz_columns("{}_m", "xyz", x_in_map),
-            **xyz_columns("{}_deg", ("omega", "phi", "kappa"), angles * _DEGREE),
-            **xyz_columns("sigma_{}_m", "xyz", of_position),
-            **xyz_columns("sigma_{}_deg", ("omega", "phi", "kappa"), of_angles),
-            **_correlations(grid_from_local, axes[:, 3:, 3:], cofactor),
-        },
-        adjusted.map_frame,
-    )
+    columns = {
+        "image": adjusted.block.images,
+        **xyz_columns("{}_m", "xyz", x_in_map),
+        **xyz_columns("{}_deg", ("omega", "phi", "kappa"), angles * _DEGREE),
+        **xyz_columns("sigma_{}_m", "xyz", of_position),
+        **xyz_columns("sigma_{}_deg", ("omega", "phi", "kappa"), of_angles),
+        **_correlations(grid_from_local, axes[:, 3:, 3:], cofactor),
+    }
+    write_stage_table(folder, EXTERIOR_ORIENTATIONS, columns, adjusted.map_frame)
 
 
 def _in_map(adjusted: AdjustedBlock) -> tuple[Floats, Floats, Floats]:

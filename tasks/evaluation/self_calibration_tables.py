@@ -22,8 +22,8 @@ from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.evaluation.parameter_tables import columns_of
 from tasks.results.figures import DecisionFigure, FlightTestFigure, GroupTestFigure, SelfCalibrationFigures
 from tasks.settings.adjustment import AdjustmentSettings
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.parameters import SELF_CALIBRATION
+from tasks.tables.stage_table import of_schema, write_stage_table
 
 # α of the tests of whole groups of parameters and of the difference between flights.
 _ERROR_PROBABILITY = 0.01
@@ -34,8 +34,7 @@ def write_self_calibration(
 ) -> pd.DataFrame:
     """self_calibration.parquet: every additional parameter that was offered; returns it."""
     table = self_calibration_table(selection, calibration, sigma0)
-    columns = {column.name: table[column.name].to_numpy() for column in SELF_CALIBRATION.columns}
-    write_table(folder / "self_calibration.parquet", SELF_CALIBRATION, columns)
+    write_stage_table(folder, SELF_CALIBRATION, of_schema(table, SELF_CALIBRATION))
     return table
 
 

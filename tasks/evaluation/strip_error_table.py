@@ -15,8 +15,8 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.two_step import STRIP_ERRORS
+from tasks.tables.stage_table import write_stage_table
 
 COMPONENTS = ("roll", "pitch", "yaw", "east", "north", "up")
 _SHOWN = np.array([np.rad2deg(1.0)] * 3 + [1.0] * 3)
@@ -43,11 +43,7 @@ def write_strip_errors(
         if (given.camera == number).any()
     ]
     table = pd.concat(parts, ignore_index=True)
-    write_table(
-        folder / "strip_errors.parquet",
-        STRIP_ERRORS,
-        {str(name): table[name].to_numpy() for name in table.columns},
-    )
+    write_stage_table(folder, STRIP_ERRORS, table)
 
 
 def _held(

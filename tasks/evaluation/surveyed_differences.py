@@ -14,9 +14,9 @@ from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.evaluation.result_tables import AdjustedBlock, variances, xyz_columns
 from tasks.files.json_text import JSON
 from tasks.results.figures import LeftOutFigure
-from tasks.tables.parquet import write_table
 from tasks.tables.places import places_of
 from tasks.tables.schemas.adjustment import CHECK_POINTS, CONTROL_RESIDUALS
+from tasks.tables.stage_table import write_stage_table
 
 
 def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
@@ -30,11 +30,7 @@ def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
         table = surveyed_differences(adjusted, is_check)
         if not is_check:
             table = _with_left_out(adjusted, table)
-        write_table(
-            folder / f"{schema.name}.parquet",
-            schema,
-            {name: table[name].to_numpy() for name in table.columns},
-        )
+        write_stage_table(folder, schema, table)
 
 
 def surveyed_differences(adjusted: AdjustedBlock, is_check: bool) -> pd.DataFrame:

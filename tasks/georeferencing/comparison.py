@@ -28,13 +28,13 @@ from tasks.georeferencing.stereo_models import (
     model_rays,
     parallax_columns,
 )
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.georeferencing import (
     DIRECT_GEOREFERENCING,
     DIRECT_GEOREFERENCING_MODELS,
     STEREO_MODELS,
     Y_PARALLAXES,
 )
+from tasks.tables.stage_table import write_stage_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +111,8 @@ def write_comparison(folder: Path, comparison: Comparison) -> None:
     oriented, parallaxes = comparison.oriented, comparison.parallaxes
     _write_points(folder, comparison)
     _write_points_in_models(folder, comparison)
-    write_table(folder / "y_parallaxes.parquet", Y_PARALLAXES, parallax_columns(oriented, parallaxes))
-    write_table(
-        folder / "stereo_models.parquet",
-        STEREO_MODELS,
-        model_columns(oriented, parallaxes),
-        oriented.map_frame,
-    )
+    write_stage_table(folder, Y_PARALLAXES, parallax_columns(oriented, parallaxes))
+    write_stage_table(folder, STEREO_MODELS, model_columns(oriented, parallaxes), oriented.map_frame)
 
 
 def _write_points(folder: Path, comparison: Comparison) -> None:
@@ -125,29 +120,22 @@ def _write_points(folder: Path, comparison: Comparison) -> None:
     places = np.zeros((0, 3))
     if len(points.surveyed):
         places = map_from_local(oriented.map_frame, oriented.frame, points.x_in_local)
-    write_table(
-        folder / "direct_georeferencing.parquet",
-        DIRECT_GEOREFERENCING,
-        {
-            "point": np.array(comparison.surveyed.name, dtype=object)[points.surveyed],
-            **{f"{axis}_m": places[:, k] for k, axis in enumerate("xyz")},
-            **points.columns(comparison.independent),
-        },
-        oriented.map_frame,
-    )
+    columns = {
+        "point": np.array(comparison.surveyed.name, dtype=object)[points.surveyed],
+        **{f"{axis}_m": places[:, k] for k, axis in enumerate("xyz")},
+        **points.columns(comparison.independent),
+    }
+    write_stage_table(folder, DIRECT_GEOREFERENCING, columns, oriented.map_frame)
 
 
 def _write_points_in_models(folder: Path, comparison: Comparison) -> None:
     images = np.array(comparison.oriented.given.image, dtype=object)
     rays, points = comparison.parallaxes.rays, comparison.in_models
     model = rays.common.model[comparison.pairs.pair]
-    write_table(
-        folder / "direct_georeferencing_models.parquet",
-        DIRECT_GEOREFERENCING_MODELS,
-        {
-            "left": images[rays.models.left[model]],
-            "right": images[rays.models.right[model]],
-            "point": np.array(comparison.surveyed.name, dtype=object)[points.surveyed],
-            **points.columns(comparison.independent),
-        },
-    )
+    columns = {
+        "left": images[rays.models.left[model]],
+        "right": images[rays.models.right[model]],
+        "point": np.array(comparison.surveyed.name, dtype=object)[points.surveyed],
+        **points.columns(comparison.independent),
+    }
+    write_stage_table(folder, DIRECT_GEOREFERENCING_MODELS, columns)

@@ -23,7 +23,6 @@ from tasks.errors import Location
 from tasks.files.json_text import JSON
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.foreign import read_foreign_table
-from tasks.tables.parquet import write_table
 from tasks.tables.schemas.columns import TableSchema
 from tasks.tables.schemas.image_quality import (
     DEFECT_COLUMNS,
@@ -34,6 +33,7 @@ from tasks.tables.schemas.image_quality import (
     QUALITY_DRIFT,
     SENSOR_SHEETS,
 )
+from tasks.tables.stage_table import of_schema, write_stage_table
 
 #: Change in known standard deviations beyond which a mean has drifted: by chance once in a thousand times.
 LIMIT = 3.29
@@ -234,8 +234,7 @@ def write_drift(folder: Path, tables: Mapping[str, pd.DataFrame], earlier: Path)
             "Name the folder of an examination of the same camera, likewise of scenes or of its sensor.",
         )
     for schema, table in ((EDGE_DRIFT, edges), (QUALITY_DRIFT, others)):
-        columns = {column.name: table[column.name].to_numpy() for column in schema.columns}
-        write_table(folder / f"{schema.name}.parquet", schema, columns)
+        write_stage_table(folder, schema, of_schema(table, schema))
     remarks = (*drift_remarks(edges), *quality_drift_remarks(others))
     figures: dict[str, JSON] = {
         "drift": {

@@ -20,9 +20,8 @@ from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table
 from tasks.image_quality.scenes import SceneQuality, examined_scene
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.store.notes import Notes, write_notes
-from tasks.tables.parquet import write_table
-from tasks.tables.schemas.columns import TableSchema
 from tasks.tables.schemas.image_quality import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS, SMEARS
+from tasks.tables.stage_table import of_schema, write_stage_table
 
 _log = logging.getLogger("aerocal")
 _TENTHS = 10
@@ -77,7 +76,7 @@ def examine(folder: Path, settings: ImageQualitySettings) -> None:
         (SMEARS, smears),
     )
     for schema, table in tables:
-        _write(folder, schema, table)
+        write_stage_table(folder, schema, of_schema(table, schema))
     write_notes(
         folder,
         Notes(
@@ -93,11 +92,6 @@ def _given(settings: ImageQualitySettings) -> GivenEdges | None:
         return None
     points = np.array(settings.points_px, dtype=np.float64).reshape(-1, 2)
     return GivenEdges(points, np.array(settings.edges_px, dtype=np.float64).reshape(-1, 4))
-
-
-def _write(folder: Path, schema: TableSchema, table: pd.DataFrame) -> None:
-    columns = {column.name: table[column.name].to_numpy() for column in schema.columns}
-    write_table(folder / f"{schema.name}.parquet", schema, columns)
 
 
 def _require_alike(images: Sequence[ImageDescription]) -> None:

@@ -20,8 +20,6 @@ from tasks.image_files.image_reader import described
 from tasks.image_quality.flat_images import FlatImages, flat_images, middle_levels, middle_means
 from tasks.settings.sensor_quality import PROTOCOL, SensorSettings
 from tasks.store.notes import Notes, write_notes
-from tasks.tables.parquet import write_table
-from tasks.tables.schemas.columns import TableSchema
 from tasks.tables.schemas.image_quality import (
     APERTURE,
     DEFECT_COLUMNS,
@@ -29,6 +27,7 @@ from tasks.tables.schemas.image_quality import (
     PHOTON_TRANSFER,
     SENSOR_SHEETS,
 )
+from tasks.tables.stage_table import write_stage_table
 
 Row: TypeAlias = Mapping[str, str | float | int | bool | None]
 
@@ -101,7 +100,8 @@ def examine_sensor(folder: Path, settings: SensorSettings) -> None:
         (APERTURE, tables.aperture),
     )
     for schema, rows in written:
-        _write(folder, schema, rows)
+        names = [column.name for column in schema.columns]
+        write_stage_table(folder, schema, pd.DataFrame(rows, columns=names))
     missed = [row for row in tables.sheets if not row["passed"]]
     failed = [f"{str(row['sheet']).replace('_', ' ')} of band {row['band']}" for row in missed]
     remarks = (f"The sensor does not meet its thresholds: {', '.join(failed)}.",) if failed else ()
@@ -128,15 +128,6 @@ def _dark_limit(settings: SensorSettings, bright: FlatImages | None) -> float | 
             "Set image_quality.sensor.dark_limit, grey values: 1 % of the largest value of the sensor.",
         )
     return settings.dark_limit
-
-
-def _write(folder: Path, schema: TableSchema, rows: list[Row]) -> None:
-    table = pd.DataFrame(rows, columns=[column.name for column in schema.columns])
-    write_table(
-        folder / f"{schema.name}.parquet",
-        schema,
-        {column.name: table[column.name].to_numpy() for column in schema.columns},
-    )
 
 
 def _by_band(bright: FlatImages | None, dark: FlatImages | None) -> Iterator[tuple[int, dict[str, Ints]]]:

@@ -45,9 +45,10 @@ from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
-from tasks.tables.parquet import read_table, write_table
+from tasks.tables.parquet import read_table
 from tasks.tables.places import distinct, places_of
 from tasks.tables.schemas.deliveries import APPROXIMATE_ORIENTATIONS
+from tasks.tables.stage_table import write_stage_table
 
 
 def write_approximate_block(
@@ -100,12 +101,7 @@ def write_approximate_block(
     write_images(folder, found, own[own["image"].isin(unoriented)])
     write_points(folder, found, map_frame)
     write_boresight(folder, given)
-    write_table(
-        folder / "approximate_orientations.parquet",
-        APPROXIMATE_ORIENTATIONS,
-        {str(name): list(values) for name, values in oriented.table.items()},
-        map_frame,
-    )
+    write_stage_table(folder, APPROXIMATE_ORIENTATIONS, oriented.table, map_frame)
     figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, differences)}
     write_notes(folder, Notes(tuple(problems), figures, tuple(suspicions)))
 

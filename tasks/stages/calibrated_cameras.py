@@ -15,8 +15,9 @@ from tasks.georeferencing.calibrated_cameras import calibrated_cameras
 from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.store.artifact import Artifact
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table, write_table
+from tasks.tables.parquet import read_table
 from tasks.tables.schemas.deliveries import CAMERAS
+from tasks.tables.stage_table import write_stage_table
 
 
 @stored("calibrated_cameras")
@@ -28,4 +29,4 @@ def apply_to_cameras(
     given = read_table(cameras)
     in_use = given["camera"].isin(calibration.entities("focal_length"))
     table = pd.concat([calibrated_cameras(given[in_use], calibration), given[~in_use]])
-    write_table(folder / "cameras.parquet", CAMERAS, {name: table[name].to_numpy() for name in table.columns})
+    write_stage_table(folder, CAMERAS, table)

@@ -38,8 +38,9 @@ def orient_film(
     """
     # A run that finds the output stored never loads what computes it.
     from tasks.deliveries.fiducials import measured_marks
-    from tasks.tables.parquet import read_table, write_table
+    from tasks.tables.parquet import read_table
     from tasks.tables.places import places_of
+    from tasks.tables.stage_table import write_stage_table
 
     delivered = read_table(exposures)
     marks = measured_marks(sources, delivered, read_table(cameras), given)
@@ -60,6 +61,6 @@ def orient_film(
     points["x_mm"], points["y_mm"] = xy.T
     columns = {column.name: points[column.name].tolist() for column in IMAGE_POINTS.columns}
     extra = {name: pa.array(points[name], pa.string()) for name in points.columns if name not in columns}
-    write_table(folder / "image_points.parquet", IMAGE_POINTS, columns, extra=extra)
-    write_table(folder / "film_orientations.parquet", FILM_ORIENTATIONS, marks.columns(found))
+    write_stage_table(folder, IMAGE_POINTS, columns, extra=extra)
+    write_stage_table(folder, FILM_ORIENTATIONS, marks.columns(found))
     write_notes(folder, Notes(marks.remarks(found)))

@@ -79,11 +79,10 @@ def compare_with_motion(
         If an image has no exposure, or its exposure has no rates.
     """
     from tasks.evaluation.smear_by_motion import smear_motion_remarks, smear_motion_table
-    from tasks.tables.parquet import write_table
+    from tasks.tables.stage_table import of_schema, write_stage_table
 
     found = smear_motion_table(read_table(edges), read_table(exposures), read_table(cameras), settings)
-    columns = {column.name: found[column.name].to_numpy() for column in SMEAR_MOTION.columns}
-    write_table(folder / "smear_motion.parquet", SMEAR_MOTION, columns)
+    write_stage_table(folder, SMEAR_MOTION, of_schema(found, SMEAR_MOTION))
     contradicting = int(found["contradicts"].sum())
     figures: dict[str, JSON] = {"smear_motion": {"compared": len(found), "contradicting": contradicting}}
     write_notes(folder, Notes(tuple(smear_motion_remarks(found)), figures))

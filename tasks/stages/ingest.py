@@ -64,16 +64,16 @@ def import_exposures(
     from tasks.deliveries.cameras import taken_from_registry, write_cameras
     from tasks.deliveries.film_reports import about_film_reports
     from tasks.deliveries.head_certificates import about_head_certificates
-    from tasks.tables.parquet import write_table
+    from tasks.tables.stage_table import write_stage_table
 
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
     columns, extra, notes, paths = _exposures(sources, cameras, frame)
-    write_table(folder / "exposures.parquet", EXPOSURES, columns, frame, extra)
+    write_stage_table(folder, EXPOSURES, columns, frame, extra)
     if paths:
         from tasks.deliveries.trajectory_path import path_columns
 
-        write_table(folder / "trajectories.parquet", TRAJECTORIES, path_columns(paths), frame)
+        write_stage_table(folder, TRAJECTORIES, path_columns(paths), frame)
     of_cameras = (
         *taken_from_registry(cameras),
         *about_head_certificates(cameras),
@@ -161,7 +161,7 @@ def import_control(
     """
     from tasks.deliveries.control import control_columns
     from tasks.deliveries.distances import distance_columns
-    from tasks.tables.parquet import write_table
+    from tasks.tables.stage_table import write_stage_table
 
     frame = project_frame(project)
     if sources:
@@ -169,10 +169,10 @@ def import_control(
     else:
         notes = Notes((), {"counts": {"control": 0, "check": 0}})
         columns, extra = {"point": [], "role": []}, {}
-    write_table(folder / "control_points.parquet", CONTROL_POINTS, columns, frame, extra)
+    write_stage_table(folder, CONTROL_POINTS, columns, frame, extra)
     columns, extra = {column.name: [] for column in DISTANCES.columns}, {}
     if distances:
         columns, extra, remarks = distance_columns(distances)
         notes = replace(notes, problems=(*notes.problems, *remarks))
-    write_table(folder / "distances.parquet", DISTANCES, columns, extra=extra)
+    write_stage_table(folder, DISTANCES, columns, extra=extra)
     write_notes(folder, notes)

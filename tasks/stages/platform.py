@@ -15,8 +15,9 @@ from tasks.calibration.platform import AdjustedPlatform, adjusted_platforms
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table, write_table
+from tasks.tables.parquet import read_table
 from tasks.tables.schemas.platform import PLATFORM, VIRTUAL_IMAGE
+from tasks.tables.stage_table import write_stage_table
 
 _ANGLES = ("omega", "phi", "kappa")
 # Points of the grid along the shorter side of the virtual image.
@@ -40,8 +41,8 @@ def describe_platform(
     )
     if platforms:
         heads, grid = (_together([of(one) for one in platforms]) for of in (_heads, _grid))
-        write_table(folder / "platform.parquet", PLATFORM, heads)
-        write_table(folder / "virtual_image.parquet", VIRTUAL_IMAGE, grid)
+        write_stage_table(folder, PLATFORM, heads)
+        write_stage_table(folder, VIRTUAL_IMAGE, grid)
     write_notes(folder, Notes(tuple(_sentence(platform) for platform in platforms)))
 
 

@@ -18,8 +18,9 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.sweep.control_choice import control_chosen
-from tasks.tables.parquet import read_table, write_table
+from tasks.tables.parquet import read_table
 from tasks.tables.schemas.deliveries import CONTROL_POINTS, IMAGE_POINTS
+from tasks.tables.stage_table import of_schema, write_stage_table
 
 
 @stored("sub_block")
@@ -43,8 +44,7 @@ def select_images(
         raise InputError("No image belongs to this sub-block.", "Widen its conditions.", entity=_entity(name))
     points = read_table(image_points)
     points = points[points["image"].isin(chosen)]
-    columns = {column.name: points[column.name].to_numpy() for column in IMAGE_POINTS.columns}
-    write_table(folder / "image_points.parquet", IMAGE_POINTS, columns)
+    write_stage_table(folder, IMAGE_POINTS, of_schema(points, IMAGE_POINTS))
     write_notes(folder, Notes())
 
 
@@ -114,9 +114,8 @@ def assign_roles(
     """
     surveyed = read_table(control_points)
     chosen = control_chosen(control, name, surveyed, read_table(image_points))
-    columns = {column.name: surveyed[column.name].to_numpy() for column in CONTROL_POINTS.columns}
-    columns["role"] = np.where(chosen, "control", "check").astype(object)
-    frame = MapFrame.of(project.crs, project.heights)
-    write_table(folder / "control_points.parquet", CONTROL_POINTS, columns, frame)
+    roles = np.where(chosen, "control", "check").astype(object)
+    table = of_schema(surveyed.assign(role=roles), CONTROL_POINTS)
+    write_stage_table(folder, CONTROL_POINTS, table, MapFrame.of(project.crs, project.heights))
     counts = {"control": int(chosen.sum()), "check": int((~chosen).sum())}
     write_notes(folder, Notes((), {"counts": counts}))

@@ -17,8 +17,9 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, read_notes, write_notes
 from tasks.store.store import stored
 from tasks.sweep.scenario import Computed, failures
-from tasks.tables.parquet import read_table, write_table
+from tasks.tables.parquet import read_table
 from tasks.tables.schemas.sweep import SWEEP
+from tasks.tables.stage_table import write_stage_table
 
 Figure = str | float | int | None
 Row = dict[str, Figure]
@@ -46,7 +47,7 @@ def tabulate_sweep(folder: Path, *, computed: tuple[Computed, ...]) -> None:
     table["sigma0"] = table["sigma0"].astype(np.float64)
     first = table.groupby(["block", "control"])["sigma0"].transform(lambda column: column.iloc[0])
     table["sigma0_ratio"] = table["sigma0"] / first
-    write_table(folder / "sweep.parquet", SWEEP, {name: table[name].to_numpy() for name in table.columns})
+    write_stage_table(folder, SWEEP, table)
     write_notes(folder, Notes(tuple(failures(computed))))
 
 

@@ -29,8 +29,9 @@ from tasks.stages.ingest import project_frame
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table, write_table
+from tasks.tables.parquet import read_table
 from tasks.tables.schemas.two_step import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
+from tasks.tables.stage_table import write_stage_table
 
 
 @stored("two_step")
@@ -73,7 +74,7 @@ def calibrate_in_two_steps(
     differences = pd.concat([difference_columns(*pair) for pair in both])
     means = pd.concat([mean_columns(*pair) for pair in both])
     for schema, table in ((ORIENTATION_DIFFERENCES, differences), (ORIENTATION_DIFFERENCE_MEANS, means)):
-        write_table(folder / f"{schema.name}.parquet", schema, columns_of(table))
+        write_stage_table(folder, schema, columns_of(table))
     remarks = [remark for pair in both for remark in camera_remarks(*pair, mounting.error_probability)]
     figures = [camera_figures(*pair).to_json() for pair in both]
     write_notes(folder, Notes((*remarks, *_unpaired(paired)), {"two_step": figures}))

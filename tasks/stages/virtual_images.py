@@ -14,9 +14,9 @@ from tasks.settings.project import ProjectSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table, write_table
-from tasks.tables.schemas.columns import TableSchema
+from tasks.tables.parquet import read_table
 from tasks.tables.schemas.deliveries import CAMERAS, EXPOSURES, IMAGE_POINTS
+from tasks.tables.stage_table import of_schema, write_stage_table
 
 
 @stored("virtual_images")
@@ -53,9 +53,9 @@ def compose_virtual_images(
     block = virtual_block(platform, read_table(exposures), table, read_table(image_points))
     frame = MapFrame.of(project.crs, project.heights)
     own = table[table["camera"] == platform.name]
-    write_table(folder / "cameras.parquet", CAMERAS, _columns(CAMERAS, own))
-    write_table(folder / "exposures.parquet", EXPOSURES, _columns(EXPOSURES, block.exposures), frame)
-    write_table(folder / "image_points.parquet", IMAGE_POINTS, _columns(IMAGE_POINTS, block.image_points))
+    write_stage_table(folder, CAMERAS, of_schema(own, CAMERAS))
+    write_stage_table(folder, EXPOSURES, of_schema(block.exposures, EXPOSURES), frame)
+    write_stage_table(folder, IMAGE_POINTS, of_schema(block.image_points, IMAGE_POINTS))
     sentence = (
         f"{len(block.exposures):,} virtual images with {len(block.image_points):,} image points were "
         f"composed for ground {platform.distance:,.0f} m below the platform; {block.doubled:,} image points "
@@ -72,7 +72,3 @@ def _refuse_additional(parameters: pd.DataFrame, cameras: pd.DataFrame) -> None:
             "The virtual images cannot be composed: heads have additional parameters, which the composition "
             "does not correct. Deliver image points that are corrected for them, or remove [burn_in]."
         )
-
-
-def _columns(schema: TableSchema, table: pd.DataFrame) -> dict[str, list[object]]:
-    return {column.name: table[column.name].tolist() for column in schema.columns}
