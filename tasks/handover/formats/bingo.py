@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles
+from tasks.handover.formats.numbers import METRES, fixed, orientations
 from tasks.handover.formats.short_names import renamed, without_blanks
 from tasks.handover.formats.world_points import (
     corrected_image_points,
@@ -61,14 +61,8 @@ def _control(delivery: Delivery, cameras: list[str], points: dict[str, str]) -> 
 
 
 def _orientations(delivery: Delivery, images: list[str], cameras: list[str], points: dict[str, str]) -> str:
-    pose, camera = delivery.handed.pose, delivery.results.images.camera
-    angles = in_angles(pose.map_from_camera, Angles("phi-omega-kappa", "gon"))
-    lines = [
-        " ".join(
-            ["ORIA", name, *fixed(pose.centre[k], METRES), *fixed(angles[k], ANGLES), cameras[camera[k]]]
-        )
-        for k, name in enumerate(images)
-    ]
+    camera, cells = delivery.results.images.camera, orientations(delivery, Angles("phi-omega-kappa", "gon"))
+    lines = [" ".join(["ORIA", name, *cells[k], cameras[camera[k]]]) for k, name in enumerate(images)]
     for name, place in zip(delivery.points.names, object_points(delivery), strict=True):
         lines.append(f"CORD {points[name]} {' '.join(fixed(place, METRES))}")
     return "\n".join(lines) + "\n"

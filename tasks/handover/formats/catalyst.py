@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from tasks.handover.delivery import Angles, Delivery, Files
+from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.grid_text import gridgroups
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles
+from tasks.handover.formats.numbers import orientations
 from tasks.handover.formats.short_names import renamed, without_blanks
 
 
 def write_catalyst(delivery: Delivery) -> Files:
     """``catalyst_eo.txt``, and the grids of cameras with corrections."""
-    pose, names = delivery.handed.pose, without_blanks(delivery.names)
-    angles = in_angles(pose.map_from_camera, Angles())
-    lines = [
-        " ".join([name, *fixed(pose.centre[k], METRES), *fixed(angles[k], ANGLES)])
-        for k, name in enumerate(names)
-    ]
+    names = without_blanks(delivery.names)
+    lines = [" ".join([name, *cells]) for name, cells in zip(names, orientations(delivery), strict=True)]
     return {
         "catalyst_eo.txt": "\n".join(lines) + "\n",
         **gridgroups(delivery),

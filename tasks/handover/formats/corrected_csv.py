@@ -20,8 +20,8 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
-from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, fixed_rows, in_angles, known, table
+from tasks.handover.delivery import Delivery, Files
+from tasks.handover.formats.numbers import ANGLES, METRES, fixed, fixed_rows, known, orientations, table
 from tasks.handover.formats.world_points import object_points, straight_image_points, surveyed_points
 
 _XYZ = ("x", "y", "z")
@@ -83,20 +83,11 @@ def _image_points(delivery: Delivery) -> str:
 
 
 def _orientations(delivery: Delivery) -> str:
-    pose, strips = delivery.handed.pose, delivery.results.strips
-    angles = in_angles(pose.map_from_camera, Angles())
-    sigmas = delivery.sigmas.to_numpy(np.float64)
+    strips, sigmas = delivery.results.strips, delivery.sigmas.to_numpy(np.float64)
+    named = zip(delivery.names, delivery.camera_names, strips, orientations(delivery), sigmas, strict=True)
     rows = (
-        [
-            name,
-            delivery.camera_names[k],
-            strips[k],
-            *fixed(pose.centre[k], METRES),
-            *fixed(angles[k], ANGLES),
-            *known(sigmas[k, :3], METRES),
-            *known(sigmas[k, 3:], ANGLES),
-        ]
-        for k, name in enumerate(delivery.names)
+        [name, camera, strip, *cells, *known(sigma[:3], METRES), *known(sigma[3:], ANGLES)]
+        for name, camera, strip, cells, sigma in named
     )
     head = ["image", "camera", "strip", *_XYZ, *_ANGLES, *_SIGMA_XYZ, *(f"s{name}" for name in _ANGLES)]
     return table(head, rows)

@@ -7,17 +7,16 @@ where they are not known.
 from __future__ import annotations
 
 from tasks.handover.delivery import Delivery, Files
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles, known, table
+from tasks.handover.formats.numbers import DECIMALS, METRES, known, orientations, table
 
 _OF_POSITION = ("correlation_x_y", "correlation_x_z", "correlation_y_z")
 # Of a correlation; it makes covariances to 1e-6 of the variances.
 _CORRELATION = 6
-_DECIMALS = {"deg": ANGLES, "gon": ANGLES, "rad": ANGLES + 2}
 
 
 def write_eo_csv(delivery: Delivery) -> Files:
     """``eo.csv``; covariances of angles only in the system of the adjustment, ω, φ, κ."""
-    angles, pose = delivery.angles, delivery.handed.pose
+    angles, cells = delivery.angles, orientations(delivery, delivery.angles)
     names = [f"{name}_{angles.unit}" for name in angles.order.split("-")]
     sigmas = delivery.sigmas
     correlations = delivery.correlations
@@ -35,10 +34,9 @@ def write_eo_csv(delivery: Delivery) -> Files:
             [
                 image,
                 delivery.camera_names[k],
-                *fixed(pose.centre[k], METRES),
-                *fixed(in_angles(pose.map_from_camera[k : k + 1], angles)[0], _DECIMALS[angles.unit]),
+                *cells[k],
                 *known(sigma[:3], METRES),
-                *known(sigma[3:], _DECIMALS[angles.unit]),
+                *known(sigma[3:], DECIMALS[angles.unit]),
                 *known((float(correlations[name].iloc[k]) for name in together), _CORRELATION),
             ]
         )

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles, table
+from tasks.handover.delivery import Delivery, Files
+from tasks.handover.formats.numbers import fixed, orientations, table
 from tasks.handover.results import CalibratedCamera
 
+_FRAME = (
+    "Raster", "CameraID", "PerspectiveX", "PerspectiveY", "PerspectiveZ", "Omega", "Phi", "Kappa", "SRS",
+)  # fmt: skip
 _CAMERA = (
     "CameraID", "FocalLength", "PrincipalX", "PrincipalY", "A0", "A1", "A2", "B0", "B1", "B2",
     "NRows", "NColumns", "PixelSize",
@@ -14,27 +17,13 @@ _CAMERA = (
 
 def write_esri(delivery: Delivery) -> Files:
     """``frames.csv`` and ``cameras.csv``; lengths of cameras in micrometres."""
-    pose, place = delivery.handed.pose, delivery.results.images.map_frame
+    place = delivery.results.images.map_frame
     srs = "" if place.is_local else place.name.removeprefix("EPSG:")
-    rotation = in_angles(pose.map_from_camera, Angles())
-    frames = [
-        [image, camera, *fixed(pose.centre[k], METRES), *fixed(rotation[k], ANGLES), srs]
-        for k, (image, camera) in enumerate(zip(delivery.names, delivery.camera_names, strict=True))
-    ]
-    head = [
-        "Raster",
-        "CameraID",
-        "PerspectiveX",
-        "PerspectiveY",
-        "PerspectiveZ",
-        "Omega",
-        "Phi",
-        "Kappa",
-        "SRS",
-    ]
-    focal = dict(zip(delivery.camera_names, pose.focal_length, strict=True))
+    named = zip(delivery.names, delivery.camera_names, orientations(delivery), strict=True)
+    frames = [[image, camera, *cells, srs] for image, camera, cells in named]
+    focal = dict(zip(delivery.camera_names, delivery.handed.pose.focal_length, strict=True))
     cameras = [_camera(item, focal[item.frame.name]) for item in delivery.results.cameras]
-    return {"frames.csv": table(head, frames), "cameras.csv": table(_CAMERA, cameras)}
+    return {"frames.csv": table(_FRAME, frames), "cameras.csv": table(_CAMERA, cameras)}
 
 
 def _camera(camera: CalibratedCamera, focal_length: float) -> list[str]:

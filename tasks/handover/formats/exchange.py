@@ -62,13 +62,7 @@ EXCHANGE: Mapping[str, DeliveryFormat] = {
             points=True,
             rigs="with-reference",
         ),
-        DeliveryFormat(
-            "openmvg",
-            write_openmvg,
-            "17 digits",
-            lens=LENS,
-            points=True,
-        ),
+        DeliveryFormat("openmvg", write_openmvg, "17 digits", lens=LENS, points=True),
         DeliveryFormat(
             "patb",
             write_patb,

@@ -8,18 +8,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import count
 
-from tasks.handover.delivery import Angles, Delivery, Files
+from tasks.handover.delivery import Delivery, Files
 from tasks.handover.formats.grid_text import camera_words, gridgroups
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles
+from tasks.handover.formats.numbers import ANGLES, METRES, fixed, orientations
 from tasks.handover.formats.short_names import renamed, without_blanks
 from tasks.handover.results import CalibratedCamera
 
 
 def write_isat(delivery: Delivery) -> Files:
     """``photo``, ``camera``, grids of cameras with corrections; standard deviations of the adjustment."""
-    pose = delivery.handed.pose
-    angles = in_angles(pose.map_from_camera, Angles())
-    sigmas = delivery.sigmas.to_numpy(float)
+    cells, sigmas = orientations(delivery), delivery.sigmas.to_numpy(float)
     images, cameras = without_blanks(delivery.names), camera_words(delivery)
     strips = list(dict.fromkeys(strip for strip in delivery.results.strips if strip))
     short = without_blanks(strips)
@@ -30,11 +28,11 @@ def write_isat(delivery: Delivery) -> Files:
             f"begin photo_parameters {images[k]} strip_id {strip_of[delivery.results.strips[k]]}",
             f" camera_name: {cameras[delivery.results.images.camera[k]]}",
             f" image_id: {name}",
-            f" EO_parameters: {' '.join([*fixed(pose.centre[k], METRES), *fixed(angles[k], ANGLES)])}",
+            f" EO_parameters: {' '.join(cells[k])}",
             f" COMPUTED_std_devs: {' '.join([*fixed(sigmas[k, :3], METRES), *fixed(sigmas[k, 3:], ANGLES)])}",
             "end photo_parameters",
         ]
-    focal = dict(zip(delivery.camera_names, pose.focal_length, strict=True))
+    focal = dict(zip(delivery.camera_names, delivery.handed.pose.focal_length, strict=True))
     listed = [
         line
         for item, name in zip(delivery.results.cameras, cameras, strict=True)

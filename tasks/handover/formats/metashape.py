@@ -7,11 +7,13 @@ Metashape, with ω, φ, κ as the rotation angles of the chunk.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from adjust.arrays import Floats
-from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.formats.numbers import ANGLES, METRES, ROTATION, fixed, in_angles, table
+from tasks.handover.delivery import Delivery, Files
+from tasks.handover.formats.numbers import ANGLES, METRES, ROTATION, fixed, orientations, table
 
 _HEAD = "# PhotoID, X, Y, Z, Omega, Phi, Kappa, r11, r12, r13, r21, r22, r23, r31, r32, r33"
 
@@ -24,36 +26,22 @@ _REFERENCE = [
 
 def write_metashape(delivery: Delivery) -> Files:
     """``metashape_opk.txt``, separated by tabs, and ``metashape_reference.csv``."""
-    pose = delivery.handed.pose
-    angles = in_angles(pose.map_from_camera, Angles())
+    cells = orientations(delivery)
     rows = [
-        "\t".join(
-            [
-                name,
-                *fixed(pose.centre[k], METRES),
-                *fixed(angles[k], ANGLES),
-                *fixed(pose.map_from_camera[k].T.ravel(), ROTATION),
-            ]
-        )
+        "\t".join([name, *cells[k], *fixed(delivery.handed.pose.map_from_camera[k].T.ravel(), ROTATION)])
         for k, name in enumerate(delivery.names)
     ]
     opk = "\n".join([f"# Cameras ({len(rows)})", _HEAD, *rows]) + "\n"
-    return {"metashape_opk.txt": opk, "metashape_reference.csv": _reference(delivery, angles)}
+    return {"metashape_opk.txt": opk, "metashape_reference.csv": _reference(delivery, cells)}
 
 
-def _reference(delivery: Delivery, angles: Floats) -> str:
+def _reference(delivery: Delivery, cells: Sequence[Sequence[str]]) -> str:
     """Label, position, its accuracy, angles, their accuracy; degrees."""
     known = delivery.sigmas
-    sigma = np.full((len(angles), 6), np.nan) if known.empty else known.to_numpy(np.float64)[:, :6]
+    sigma = np.full((len(cells), 6), np.nan) if known.empty else known.to_numpy(np.float64)[:, :6]
     rows = [
-        [
-            name,
-            *fixed(delivery.handed.pose.centre[k], METRES),
-            *_or_empty(sigma[k, :3], METRES),
-            *fixed(angles[k], ANGLES),
-            *_or_empty(sigma[k, 3:], ANGLES),
-        ]
-        for k, name in enumerate(delivery.names)
+        [name, *own[:3], *_or_empty(of[:3], METRES), *own[3:], *_or_empty(of[3:], ANGLES)]
+        for name, own, of in zip(delivery.names, cells, sigma, strict=True)
     ]
     return table(_REFERENCE, rows)
 

@@ -10,10 +10,12 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry.rotation import to_omega_phi_kappa, to_phi_omega_kappa
-from tasks.handover.delivery import Angles
+from tasks.handover.delivery import Angles, Delivery
 
 #: Decimals of metres, of an angle (1e-7° are 0.007 mm at 4 km), of elements of a rotation.
 METRES, ANGLES, ROTATION = 4, 7, 12
+#: The same of angles in each unit.
+DECIMALS = {"deg": ANGLES, "gon": ANGLES, "rad": ANGLES + 2}
 _PER_RADIAN = {"deg": 180.0 / np.pi, "gon": 200.0 / np.pi, "rad": 1.0}
 
 
@@ -24,6 +26,16 @@ def in_angles(rotations: Floats, angles: Angles) -> Floats:
     else:
         found = to_phi_omega_kappa(rotations)[:, [1, 0, 2]]
     return np.asarray(found * _PER_RADIAN[angles.unit])
+
+
+def orientations(delivery: Delivery, angles: Angles | None = None) -> list[list[str]]:
+    """X, Y, Z and three angles of each image, as texts; angles in the order their system names them."""
+    pose, system = delivery.handed.pose, Angles() if angles is None else angles
+    turned = in_angles(pose.map_from_camera, system)
+    return [
+        [*fixed(centre, METRES), *fixed(turn, DECIMALS[system.unit])]
+        for centre, turn in zip(pose.centre, turned, strict=True)
+    ]
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]], separator: str = ",") -> str:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.formats.numbers import ANGLES, METRES, fixed, in_angles, table
+from tasks.handover.delivery import Delivery, Files
+from tasks.handover.formats.numbers import orientations, table
 
 
 def write_orbit(delivery: Delivery) -> Files:
     """``orbit.csv``."""
-    pose = delivery.handed.pose
-    rotation = in_angles(pose.map_from_camera, Angles())
-    rows = [
-        [image, *fixed(pose.centre[k], METRES), *fixed(rotation[k], ANGLES)]
-        for k, image in enumerate(delivery.names)
-    ]
+    rows = [[image, *cells] for image, cells in zip(delivery.names, orientations(delivery), strict=True)]
     return {"orbit.csv": table(["Filename", "X/Long", "Y/Lat", "Z", "Omega", "Phi", "Kappa"], rows)}

@@ -35,23 +35,12 @@ _MATRIX = "1e-4 m, 1e-12 of a rotation"
 DELIVERIES: Mapping[str, DeliveryFormat] = {
     item.name: item
     for item in (
-        DeliveryFormat(
-            "eo-csv",
-            write_eo_csv,
-            _ANGLES,
-            seen=True,
-        ),
+        DeliveryFormat("eo-csv", write_eo_csv, _ANGLES, seen=True),
         DeliveryFormat("esri", write_esri, _ANGLES, _CAMERA_TOO),
         DeliveryFormat("sure", write_sure, "15 digits"),
         DeliveryFormat("orbit", write_orbit, _ANGLES),
         DeliveryFormat("inpho", write_inpho, _MATRIX, _CAMERA_TOO),
-        DeliveryFormat(
-            "isat",
-            write_isat,
-            f"{_ANGLES}; grids 1e-3 µm",
-            _CAMERA_TOO,
-            grid=True,
-        ),
+        DeliveryFormat("isat", write_isat, f"{_ANGLES}; grids 1e-3 µm", _CAMERA_TOO, grid=True),
         DeliveryFormat("metashape", write_metashape, f"{_ANGLES}, matrix 1e-12"),
         DeliveryFormat(
             "metashape-xml",
@@ -62,32 +51,10 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             on_wgs84=True,
             rigs="with-reference",
         ),
-        DeliveryFormat(
-            "rpc",
-            write_rpc,
-            "15 digits of every coefficient",
-            seen=True,
-        ),
-        DeliveryFormat(
-            "geopackage",
-            write_geopackage,
-            "17 digits",
-            seen=True,
-            points=True,
-            surveyed="all",
-        ),
-        DeliveryFormat(
-            "nerfstudio",
-            write_nerfstudio,
-            "17 digits",
-            lens=LENS_OF_TWO_FOCAL_LENGTHS,
-        ),
-        DeliveryFormat(
-            "stac",
-            write_stac,
-            _MATRIX,
-            seen=True,
-        ),
+        DeliveryFormat("rpc", write_rpc, "15 digits of every coefficient", seen=True),
+        DeliveryFormat("geopackage", write_geopackage, "17 digits", seen=True, points=True, surveyed="all"),
+        DeliveryFormat("nerfstudio", write_nerfstudio, "17 digits", lens=LENS_OF_TWO_FOCAL_LENGTHS),
+        DeliveryFormat("stac", write_stac, _MATRIX, seen=True),
         DeliveryFormat(
             "realityscan",
             write_realityscan,
@@ -101,12 +68,7 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             Freed(focal_length=True, radial=True),
             lens=LENS,
         ),
-        DeliveryFormat(
-            "catalyst",
-            write_catalyst,
-            f"{_ANGLES}; grids 1e-3 µm",
-            grid=True,
-        ),
+        DeliveryFormat("catalyst", write_catalyst, f"{_ANGLES}; grids 1e-3 µm", grid=True),
         DeliveryFormat(
             "distortion-grid",
             write_distortion_grids,
@@ -114,18 +76,8 @@ DELIVERIES: Mapping[str, DeliveryFormat] = {
             grid=True,
             oriented=False,
         ),
-        DeliveryFormat(
-            "geojson",
-            write_geojson,
-            "1e-9°, 1e-4 m",
-            points=True,
-        ),
-        DeliveryFormat(
-            "kmz",
-            write_kmz,
-            "1e-8°, 1e-3 m",
-            points=True,
-        ),
+        DeliveryFormat("geojson", write_geojson, "1e-9°, 1e-4 m", points=True),
+        DeliveryFormat("kmz", write_kmz, "1e-8°, 1e-3 m", points=True),
     )
 }
 
