@@ -18,13 +18,12 @@ from tasks.errors import Location
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
-    degrees_of_rotations,
-    exposures_of,
     image_points_of,
+    local_exposures_of,
     names_of_numbers,
     numbers_of,
 )
-from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, ImagePointRecords
+from tasks.formats.records import AngleOrder, ExposureRecords, ImagePointRecords
 from tasks.formats.text_lines import DeliveredLines
 
 
@@ -50,10 +49,8 @@ def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         at.append(3 + 5 * number)
     table = table_of(values, 12)
     world_from_camera = table[:, :9].reshape(-1, 3, 3).transpose(0, 2, 1)
-    angles = degrees_of_rotations(path, world_from_camera, image, at)
     centre = -np.einsum("nij,nj->ni", world_from_camera, table[:, 9:])
-    states = FileStatement(crs="local", order="omega-phi-kappa")
-    return exposures_of(path, image, centre, angles, at, unit="deg", states=states)
+    return local_exposures_of(path, image, centre, world_from_camera, at)
 
 
 def read_bundler_image_points(path: Path) -> ImagePointRecords:

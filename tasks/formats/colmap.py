@@ -28,15 +28,14 @@ from tasks.formats.colmap_rigs import colmap_events, colmap_heads
 from tasks.formats.long_columns import table_of
 from tasks.formats.plain_records import (
     CV_AXES,
-    degrees_of_rotations,
-    exposures_of,
     image_points_of,
+    local_exposures_of,
     names_of_numbers,
     number_of,
     numbers_of,
 )
 from tasks.formats.quaternions import rotations_of_quaternions
-from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, ImagePointRecords, PixelCamera
+from tasks.formats.records import AngleOrder, ExposureRecords, ImagePointRecords, PixelCamera
 from tasks.formats.rigs import rigs_of, with_rigs
 from tasks.formats.text_table import read_bytes
 
@@ -99,9 +98,7 @@ def read_colmap_exposures(
     camera_from_world = rotations_of_quaternions(path, pose[:, :4], name, line)
     world_from_camera = np.swapaxes(camera_from_world, 1, 2)
     centre = -np.einsum("nij,nj->ni", world_from_camera, pose[:, 4:])
-    angles = degrees_of_rotations(path, world_from_camera @ CV_AXES, name, line)
-    states = FileStatement(crs="local", order="omega-phi-kappa")
-    records = exposures_of(path, name, centre, angles, line, camera=cameras, unit="deg", states=states)
+    records = local_exposures_of(path, name, centre, world_from_camera @ CV_AXES, line, cameras)
     if rigs is None:
         return records
     events = colmap_events(

@@ -36,16 +36,14 @@ from tasks.formats.packed_folder import PackedFolder, is_packed, packed_folder
 from tasks.formats.plain_records import (
     CV_AXES,
     control_of,
-    degrees_of_rotations,
-    exposures_of,
     image_points_of,
+    local_exposures_of,
     numbers_of,
 )
 from tasks.formats.records import (
     AngleOrder,
     ControlRecords,
     ExposureRecords,
-    FileStatement,
     ImagePointRecords,
     PixelCamera,
 )
@@ -86,9 +84,7 @@ def read_micmac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
             rotation.extend(_numbers(path, matrix, row, 3, name))
     at = range(1, len(image) + 1)
     turn = table_of(rotation, 9).reshape(-1, 3, 3) @ CV_AXES
-    angles = degrees_of_rotations(path, turn, image, at)
-    states = FileStatement(crs="local", order="omega-phi-kappa")
-    return exposures_of(path, image, table_of(centre, 3), angles, at, unit="deg", states=states)
+    return local_exposures_of(path, image, table_of(centre, 3), turn, at)
 
 
 def read_micmac_cameras(path: Path) -> Mapping[str, PixelCamera]:

@@ -23,13 +23,11 @@ from tasks.formats.long_columns import LongPoints, table_of
 from tasks.formats.named_entries import ImagesByName
 from tasks.formats.plain_records import (
     CV_AXES,
-    degrees_of_rotations,
-    exposures_of,
+    local_exposures_of,
 )
 from tasks.formats.records import (
     AngleOrder,
     ExposureRecords,
-    FileStatement,
     ImagePointRecords,
     PixelCamera,
 )
@@ -75,9 +73,7 @@ def read_openmvg_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
             rotation.extend(row.numbers(3))
         at.append(number)
     world_from_camera = np.swapaxes(table_of(rotation, 9).reshape(-1, 3, 3), 1, 2)
-    angles = degrees_of_rotations(path, world_from_camera @ CV_AXES, image, at)
-    states, position = FileStatement(crs="local", order="omega-phi-kappa"), table_of(centre, 3)
-    return exposures_of(path, image, position, angles, at, camera=camera, unit="deg", states=states)
+    return local_exposures_of(path, image, table_of(centre, 3), world_from_camera @ CV_AXES, at, camera)
 
 
 def read_openmvg_cameras(path: Path) -> Mapping[str, PixelCamera]:

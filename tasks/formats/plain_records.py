@@ -80,6 +80,26 @@ def exposures_of(
     )
 
 
+def local_exposures_of(
+    path: Path,
+    image: Sequence[str],
+    centre: Floats,
+    rotation: Floats,
+    line: Sequence[int],
+    camera: Sequence[str | None] | None = None,
+) -> ExposureRecords:
+    """Exposures in a Cartesian frame: positions (n, 3), rotations ground from camera (n, 3, 3).
+
+    Raises
+    ------
+    InputError
+        As of `exposures_of` and `degrees_of_rotations`.
+    """
+    angles = degrees_of_rotations(path, rotation, image, line)
+    states = FileStatement(crs="local", order="omega-phi-kappa")
+    return exposures_of(path, image, centre, angles, line, camera=camera, unit="deg", states=states)
+
+
 def image_points_of(
     path: Path,
     image: Sequence[str] | pa.DictionaryArray,
