@@ -106,32 +106,24 @@ def _converted(source: ControlInput, project: MapFrame) -> _Converted:
 
 def _refuse_unknown_position(records: ControlRecords, places: Places) -> None:
     known = np.isfinite(records.position)
-    nothing = ~known.any(axis=1)
-    half = known[:, 0] != known[:, 1]
-    for mask, what, remedy in (
-        (nothing, "The point has no coordinates.", "Give them, or delete the line."),
-        (half, "Only one of x and y is given.", "Give both, or neither for a height control point."),
-    ):
-        if mask.any():
-            row = int(np.argmax(mask))
-            raise places.error(row, what, remedy, str(records.point[row]))
+    nothing, half = np.asarray(~known.any(axis=1)), known[:, 0] != known[:, 1]
+    places.refuse(nothing, records.point, "The point has no coordinates.", "Give them, or delete the line.")
+    remedy = "Give both, or neither for a height control point."
+    places.refuse(half, records.point, "Only one of x and y is given.", remedy)
 
 
 def _positions(records: ControlRecords, transfer: Transfer, places: Places) -> Floats:
     """Positions (n, 3) in the project's system; unknown coordinates stay NaN."""
     if transfer.is_identity or transfer.source.is_local:
         return records.position
-    without_plan = np.isnan(records.position[:, 0])
-    if without_plan.any():
-        row = int(np.argmax(without_plan))
-        raise places.error(
-            row,
-            "Only the height of the point is known, and its height system must be converted, which "
-            "requires a horizontal position.",
-            "Give the control points in the CRS and heights of the project, or add approximate x and y "
-            "to the point.",
-            str(records.point[row]),
-        )
+    places.refuse(
+        np.isnan(records.position[:, 0]),
+        records.point,
+        "Only the height of the point is known, and its height system must be converted, which requires a "
+        "horizontal position.",
+        "Give the control points in the CRS and heights of the project, or add approximate x and y to the "
+        "point.",
+    )
     height_known = np.isfinite(records.position[:, 2])
     # A point without height is moved in plan at the height 0; within a datum that is exact.
     converted = transfer.positions(np.nan_to_num(records.position))

@@ -56,11 +56,7 @@ def _refuse_same_pairs(records: Sequence[DistanceRecords], places: Places) -> No
         for side in ("point", "other_point")
     ]
     same = np.array(ends[0], dtype=object) == np.array(ends[1], dtype=object)
-    if same.any():
-        row = int(np.argmax(same))
-        raise places.error(
-            row, "The distance is from a point to itself.", "Name the other end point.", ends[0][row]
-        )
+    places.refuse(same, ends[0], "The distance is from a point to itself.", "Name the other end point.")
     names, place = np.unique(np.array(ends[0] + ends[1], dtype=object), return_inverse=True)
     one, other = np.sort(place.reshape(2, -1), axis=0)
     places.refuse_duplicates(one * len(names) + other, "distance", ends)
@@ -70,25 +66,16 @@ def _metres(source: DistancesInput, records: DistanceRecords) -> tuple[Floats, F
     """Distances and standard deviations (n,) of one input."""
     places = Places.of_files([source.file], [records.line])
     factor, names = _METRES[source.unit], records.point
-    wrong = ~(records.distance > 0.0)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise places.error(
-            row,
-            f"The distance {records.distance[row]:g} is not positive.",
-            "Correct it, or delete the line.",
-            str(names[row]),
-        )
+    places.refuse(
+        ~(records.distance > 0.0),
+        names,
+        lambda row: f"The distance {records.distance[row]:g} is not positive.",
+        "Correct it, or delete the line.",
+    )
     own = SigmaRange(METRES.lowest / factor, METRES.highest / factor, source.unit)
     refuse_sigmas(places, records.sigma[:, None], names, own)
     given = np.nan if source.sigma is None else source.sigma
     sigma = np.where(np.isnan(records.sigma), given, records.sigma)
-    if np.isnan(sigma).any():
-        row = int(np.argmax(np.isnan(sigma)))
-        raise places.error(
-            row,
-            "The distance has no standard deviation.",
-            "Give `sigma` in [inputs.distances], or a column sigma.",
-            str(names[row]),
-        )
+    remedy = "Give `sigma` in [inputs.distances], or a column sigma."
+    places.refuse(np.isnan(sigma), names, "The distance has no standard deviation.", remedy)
     return records.distance * factor, sigma * factor

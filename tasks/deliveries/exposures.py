@@ -225,12 +225,11 @@ def _known_cameras(records: ExposureRecords, cameras: tuple[str, ...], places: P
     camera = records.camera
     if camera.null_count:
         if len(cameras) > 1:
-            row = int(np.argmax(camera.is_null().to_numpy(zero_copy_only=False)))
-            raise places.error(
-                row,
+            places.refuse(
+                camera.is_null().to_numpy(zero_copy_only=False),
+                records.image,
                 "The exposure has no camera, but the project has several.",
                 'Write camera = "NAME" in this input of the project file, or add a camera column.',
-                str(records.image[row]),
             )
         camera = camera.fill_null(cameras[0])
     encoded = camera.dictionary_encode()
@@ -285,15 +284,14 @@ def _refuse_angles_of_no_place(
 ) -> None:
     """Refuse angles that must be converted to other axes at an unknown position."""
     lost = np.isfinite(records.angles).all(axis=1) & ~placed
-    if not lost.any() or transfer.source.is_local or keep_their_axes(source.angles, transfer):
+    if transfer.source.is_local or keep_their_axes(source.angles, transfer):
         return
-    row = int(np.argmax(lost))
-    raise places.error(
-        row,
+    places.refuse(
+        lost,
+        records.image,
         "The exposure has angles but no position, without which they cannot be converted to the axes of "
         f"the project ({int(lost.sum())} exposures).",
         "Give its position, leave its angles empty, or deliver ω, φ, κ about the grid of the project's CRS.",
-        str(records.image[row]),
     )
 
 

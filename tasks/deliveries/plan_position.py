@@ -107,7 +107,7 @@ def refuse_without_image(
     InputError
         Naming the row and the geoid grid or the area it lies outside of.
     """
-    lost = (np.isfinite(position) & ~np.isfinite(converted)).any(axis=1)
+    lost = np.asarray((np.isfinite(position) & ~np.isfinite(converted)).any(axis=1))
     if not lost.any():
         rows = np.flatnonzero(np.isfinite(converted[:, :2]).all(axis=1))
         outside = rows[~frames[1].inside_area_of_use(converted[rows])]
@@ -120,7 +120,6 @@ def refuse_without_image(
                 str(names[outside[0]]),
             )
         return
-    row = int(np.argmax(lost))
     grids = [frame.heights.geoid.name for frame in frames if frame.heights.geoid is not None]
     if grids:
         names_of_grids = " or ".join(dict.fromkeys(grids))
@@ -129,4 +128,4 @@ def refuse_without_image(
     else:
         what = f"The position cannot be transformed into the CRS of the project ({lost.sum()} rows)."
         remedy = "Check the CRSs of this input and of the project."
-    raise places.error(row, what, remedy, str(names[row]))
+    places.refuse(lost, names, what, remedy)

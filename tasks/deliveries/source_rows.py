@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,6 +42,25 @@ class Places:
     def error(self, row: int, what: str, remedy: str, entity: str | None = None) -> InputError:
         """An error at the place of a row."""
         return InputError(what, remedy, self.files[int(self.file[row])], int(self.line[row]), entity)
+
+    def refuse(
+        self, wrong: NDArray[np.bool_], names: Sequence[object], what: str | Callable[[int], str], remedy: str
+    ) -> None:
+        """Raise if a row (n,) is wrong.
+
+        Parameters
+        ----------
+        names : (n,) of what the rows are about.
+        what : what is wrong; a function where it depends on the row.
+
+        Raises
+        ------
+        InputError
+            Naming the first row.
+        """
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise self.error(row, what if isinstance(what, str) else what(row), remedy, str(names[row]))
 
     def refuse_duplicates(self, codes: NDArray[np.int64], kind: str, names: Sequence[Sequence[str]]) -> None:
         """Raise if two rows have the same code.
