@@ -5,9 +5,11 @@ What a run would stop at is one mistake; the doctor continues behind it wherever
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar, cast
+
+from pydantic import TypeAdapter
 
 from flows.runs.stage import stage
 from flows.stories.block_preparation import ImportedBlock, import_block
@@ -61,6 +63,9 @@ class ListedMistake:
     evidence: tuple[str, ...]
     remedy: str
     declare: str
+
+
+_MISTAKES = TypeAdapter(list[ListedMistake])
 
 
 @dataclass
@@ -123,17 +128,7 @@ def examine_everything(project: Project, store: Store) -> Examination:
 
 
 def _listed(outputs: Outputs) -> list[ListedMistake]:
-    figures = read_notes(outputs["notes"]).figures
-    entries = cast(Sequence[Mapping[str, JSON]], figures["mistakes"])
-    return [
-        ListedMistake(
-            str(entry["what"]),
-            tuple(map(str, cast(Sequence[JSON], entry["evidence"]))),
-            str(entry["remedy"]),
-            str(entry["declare"]),
-        )
-        for entry in entries
-    ]
+    return _MISTAKES.validate_python(read_notes(outputs["notes"]).figures["mistakes"])
 
 
 def _single_rays(points: Outputs) -> list[ListedMistake]:
