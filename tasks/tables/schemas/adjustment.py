@@ -31,7 +31,7 @@ EXTERIOR_ORIENTATIONS = TableSchema(
         *sigmas(("omega", "phi", "kappa"), "deg"),
         # With them the covariance of the six elements is complete.
         *(
-            number(f"correlation_{one}_{other}", "", f"correlation of {one} and {other}", nullable=True)
+            number(f"correlation_{one}_{other}", f"correlation of {one} and {other}", nullable=True)
             for one, other in combinations(("x", "y", "z", "omega", "phi", "kappa"), 2)
         ),
     ),
@@ -47,10 +47,10 @@ NEIGHBOURING_IMAGES = TableSchema(
     (
         IMAGE,
         text("next_image", "the next image of the strip"),
-        *(number(f"rho_{name}", "", f"correlation of {name} of both") for name in (*XYZ, *_OPK_NAMES)),
-        *(number(f"sigma_d{name}_m", "m", f"standard deviation of the difference in {name}") for name in XYZ),
+        *(number(f"rho_{name}", f"correlation of {name} of both") for name in (*XYZ, *_OPK_NAMES)),
+        *(number(f"sigma_d{name}_m", f"standard deviation of the difference in {name}") for name in XYZ),
         *(
-            number(f"sigma_d{name}_deg", "deg", f"standard deviation of the difference in {name}")
+            number(f"sigma_d{name}_deg", f"standard deviation of the difference in {name}")
             for name in _OPK_NAMES
         ),
     ),
@@ -73,15 +73,14 @@ RESIDUALS = TableSchema(
         text("image", "image, null where it does not apply", nullable=True),
         text("point", "point, null where it does not apply", nullable=True),
         text("component", "component of the observation: x, y, z or roll, pitch, yaw, or a parameter"),
-        number("residual", "see unit", "adjusted minus observed; null if not used", nullable=True),
-        number("sigma", "see unit", "a-priori standard deviation of the observation"),
+        number("residual", "adjusted minus observed; null if not used", "see unit", nullable=True),
+        number("sigma", "a-priori standard deviation of the observation", "see unit"),
         text("unit", "unit of residual, sigma and mdb: um, m or deg"),
-        number("redundancy", "", "redundancy number, 0 to 1", nullable=True),
-        number("standardized", "", "residual divided by its standard deviation", nullable=True),
-        number("mdb", "see unit", "minimal detectable bias", nullable=True),
+        number("redundancy", "redundancy number, 0 to 1", nullable=True),
+        number("standardized", "residual divided by its standard deviation", nullable=True),
+        number("mdb", "minimal detectable bias", "see unit", nullable=True),
         number(
             "external",
-            "",
             "external reliability: largest effect on any result of an undetected error of that size, "
             "in standard deviations of that result",
             nullable=True,
@@ -100,9 +99,9 @@ def _differences(name: str, meaning: str, further: tuple[Column, ...] = ()) -> T
         meaning,
         (
             POINT,
-            *(number(f"{d}_m", "m", f"computed − given, {way}", nullable=True) for d, way in _WAYS),
+            *(number(f"{d}_m", f"computed − given, {way}", nullable=True) for d, way in _WAYS),
             *(
-                number(f"sigma_{d}_m", "m", f"predicted standard deviation, {way}", nullable=True)
+                number(f"sigma_{d}_m", f"predicted standard deviation, {way}", nullable=True)
                 for d, way in _WAYS
             ),
             count("rays", "number of image points used"),
@@ -120,7 +119,6 @@ CONTROL_RESIDUALS = _differences(
         *(
             number(
                 f"loo_{d}_m",
-                "m",
                 f"computed by the adjustment without the point − given, {way}; null if no other "
                 "observation determines it",
                 nullable=True,
@@ -130,7 +128,6 @@ CONTROL_RESIDUALS = _differences(
         *(
             number(
                 f"sigma_loo_{d}_m",
-                "m",
                 f"predicted standard deviation of loo_{d}_m, with that of the survey",
                 nullable=True,
             )
@@ -147,11 +144,9 @@ DISTANCE_RESIDUALS = TableSchema(
     (
         POINT,
         OTHER_POINT,
-        number("distance_m", "m", "the given distance"),
-        number("difference_m", "m", "computed − given"),
-        number(
-            "sigma_difference_m", "m", "its predicted standard deviation; of a check distance with its own"
-        ),
+        number("distance_m", "the given distance"),
+        number("difference_m", "computed − given"),
+        number("sigma_difference_m", "its predicted standard deviation; of a check distance with its own"),
         text("status", "use of the observation", values=("used", "rejected", "check")),
     ),
     ("point", "other_point"),

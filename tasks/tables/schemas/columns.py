@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+# Units of columns by the ends of their names, the longest first.
+_UNITS = {"deg_s": "deg/s", "m_s": "m/s"} | {unit: unit for unit in ("m", "mm", "um", "px", "deg", "s", "ms")}
 ColumnType = Literal["string", "float64", "int32", "int64", "bool"]
 
 
@@ -70,9 +72,10 @@ def text(name: str, meaning: str, *, nullable: bool = False, values: tuple[str, 
     return Column(name, "string", "", meaning, nullable, values)
 
 
-def number(name: str, unit: str, meaning: str, *, nullable: bool = False) -> Column:
-    """A column of numbers in a unit."""
-    return Column(name, "float64", unit, meaning, nullable)
+def number(name: str, meaning: str, unit: str | None = None, *, nullable: bool = False) -> Column:
+    """A column of numbers, in the unit at the end of its name unless another one is given."""
+    own = next((own for end, own in _UNITS.items() if name.endswith(f"_{end}")), "")
+    return Column(name, "float64", own if unit is None else unit, meaning, nullable)
 
 
 def count(name: str, meaning: str, *, nullable: bool = False) -> Column:
@@ -89,15 +92,14 @@ def position(of: str, *, nullable: bool = False) -> tuple[Column, ...]:
     """Columns x, y, z in metres, in the table's CRS."""
     directions = (("x", "east"), ("y", "north"), ("z", "height"))
     return tuple(
-        number(f"{axis}_m", "m", f"{of}: {way} in the table's CRS", nullable=nullable)
-        for axis, way in directions
+        number(f"{axis}_m", f"{of}: {way} in the table's CRS", nullable=nullable) for axis, way in directions
     )
 
 
 def sigmas(names: tuple[str, ...], unit: str, *, nullable: bool = False) -> tuple[Column, ...]:
     """Columns with the standard deviations of quantities in one unit."""
     return tuple(
-        number(f"sigma_{name}_{unit}", unit, f"standard deviation of {name}_{unit}", nullable=nullable)
+        number(f"sigma_{name}_{unit}", f"standard deviation of {name}_{unit}", unit, nullable=nullable)
         for name in names
     )
 
@@ -118,12 +120,12 @@ STRIP = text("strip", "strip, null if not known", nullable=True)
 FLIGHT = text("flight", "flight, null if not known", nullable=True)
 
 OPK = tuple(
-    number(f"{name}_deg", "deg", f"{name} of R = R_x(ω) R_y(φ) R_z(κ), grid axes of the CRS from camera")
+    number(f"{name}_deg", f"{name} of R = R_x(ω) R_y(φ) R_z(κ), grid axes of the CRS from camera")
     for name in ("omega", "phi", "kappa")
 )
 
 OPTIONAL_ANGLES = tuple(
-    number(f"{name}_deg", "deg", meaning, nullable=True)
+    number(f"{name}_deg", meaning, nullable=True)
     for name, meaning in (
         (
             "omega",

@@ -29,10 +29,10 @@ CAMERAS = TableSchema(
         CAMERA,
         count("columns", "width of the image in pixels"),
         count("rows", "height of the image in pixels"),
-        number("pixel_um", "um", "side of a pixel"),
-        number("focal_length_mm", "mm", "principal distance"),
-        number("principal_point_x_mm", "mm", "principal point from the format centre, along columns"),
-        number("principal_point_y_mm", "mm", "principal point from the format centre, against rows"),
+        number("pixel_um", "side of a pixel"),
+        number("focal_length_mm", "principal distance"),
+        number("principal_point_x_mm", "principal point from the format centre, along columns"),
+        number("principal_point_y_mm", "principal point from the format centre, against rows"),
         text(
             "pixel_origin",
             "point of the top-left pixel with pixel coordinates (0, 0)",
@@ -48,15 +48,15 @@ CAMERAS = TableSchema(
             "additional_parameters", "known additional parameters as JSON, SET:NAME to value in its own unit"
         ),
         *(
-            number(f"lever_arm_{axis}_m", "m", f"given lever arm in body axes, {way}")
+            number(f"lever_arm_{axis}_m", f"given lever arm in body axes, {way}")
             for axis, way in (("x", "forward"), ("y", "right"), ("z", "down"))
         ),
         *(
-            number(f"reduced_by_{axis}_m", "m", f"lever arm of reduced positions, {way}")
+            number(f"reduced_by_{axis}_m", f"lever arm of reduced positions, {way}")
             for axis, way in (("x", "forward"), ("y", "right"), ("z", "down"))
         ),
         *(
-            number(f"boresight_{name}_deg", "deg", f"given boresight misalignment, {name}")
+            number(f"boresight_{name}_deg", f"given boresight misalignment, {name}")
             for name in ("roll", "pitch", "yaw")
         ),
         text(
@@ -65,16 +65,14 @@ CAMERAS = TableSchema(
             nullable=True,
         ),
         *(
-            number(f"relative_position_{axis}_m", "m", f"given position against it, {way}", nullable=True)
+            number(f"relative_position_{axis}_m", f"given position against it, {way}", nullable=True)
             for axis, way in (("x", "forward"), ("y", "right"), ("z", "down"))
         ),
         *(
-            number(
-                f"relative_rotation_{name}_deg", "deg", f"given rotation against it, {name}", nullable=True
-            )
+            number(f"relative_rotation_{name}_deg", f"given rotation against it, {name}", nullable=True)
             for name in ("roll", "pitch", "yaw")
         ),
-        number("synchronisation_offset_s", "s", "given delay after the moment of the event", nullable=True),
+        number("synchronisation_offset_s", "given delay after the moment of the event", nullable=True),
         *(
             text(name, f"what it is a calibration of: {words}; null: not declared", nullable=True)
             for name, words in (
@@ -110,10 +108,8 @@ IMAGES = TableSchema(
         CAMERA,
         STRIP,
         FLIGHT,
-        number("heading_deg", "deg", "direction of flight clockwise from true north", nullable=True),
-        number(
-            "height_above_ground_m", "m", "flying height above the object points in the image", nullable=True
-        ),
+        number("heading_deg", "direction of flight clockwise from true north", nullable=True),
+        number("height_above_ground_m", "flying height above the object points in the image", nullable=True),
         text("status", "whether the image is used in the adjustment, or why not"),
     ),
     ("image",),
@@ -125,10 +121,10 @@ IMAGE_POINTS = TableSchema(
     (
         IMAGE,
         POINT,
-        number("x_mm", "mm", "x in the image system: from the format centre along columns"),
-        number("y_mm", "mm", "y in the image system: from the format centre against rows"),
-        number("sigma_x_mm", "mm", "standard deviation of x_mm"),
-        number("sigma_y_mm", "mm", "standard deviation of y_mm"),
+        number("x_mm", "x in the image system: from the format centre along columns"),
+        number("y_mm", "y in the image system: from the format centre against rows"),
+        number("sigma_x_mm", "standard deviation of x_mm"),
+        number("sigma_y_mm", "standard deviation of y_mm"),
         text("input_file", "name of the input file", nullable=True),
     ),
     ("image", "point"),
@@ -142,23 +138,18 @@ EXPOSURES = TableSchema(
         CAMERA,
         STRIP,
         FLIGHT,
-        number("time_s", "s", "time on the scale of the delivery", nullable=True),
+        number("time_s", "time on the scale of the delivery", nullable=True),
         text("event", "delivered name of the event of a rig, in its flight", nullable=True),
         *position("position", nullable=True),
         *sigmas(XYZ, "m", nullable=True),
         *OPTIONAL_ANGLES,
         *sigmas(("omega", "phi", "kappa", "heading", "pitch", "roll"), "deg", nullable=True),
         *(
-            number(
-                f"rate_{name}_deg_s",
-                "deg/s",
-                f"angular velocity of the body about its axis {way}",
-                nullable=True,
-            )
+            number(f"rate_{name}_deg_s", f"angular velocity of the body about its axis {way}", nullable=True)
             for name, way in (("roll", "forward"), ("pitch", "right"), ("yaw", "down"))
         ),
         *(
-            number(f"velocity_{way}_m_s", "m/s", f"velocity of the position, {words}", nullable=True)
+            number(f"velocity_{way}_m_s", f"velocity of the position, {words}", nullable=True)
             for way, words in (("east", "true east"), ("north", "true north"), ("up", "up"))
         ),
         text(
@@ -174,7 +165,7 @@ TRAJECTORIES = TableSchema(
     "A sample of a trajectory from which exposures were taken, in the CRS of the project; thinned.",
     (
         text("trajectory", "name of the file"),
-        number("time_s", "s", "time on the scale of the delivery"),
+        number("time_s", "time on the scale of the delivery"),
         *position("sample"),
         text("solution", "kind of the GNSS solution, null if not stated", nullable=True),
         flag("after_gap", "whether a gap lies before it, in which nothing is interpolated"),
@@ -207,8 +198,8 @@ DISTANCES = TableSchema(
     (
         POINT,
         OTHER_POINT,
-        number("distance_m", "m", "the distance"),
-        number("sigma_m", "m", "its standard deviation"),
+        number("distance_m", "the distance"),
+        number("sigma_m", "its standard deviation"),
         text("role", "a check distance is never used in an adjustment", values=("control", "check")),
     ),
     ("point", "other_point"),
@@ -219,9 +210,9 @@ APPROXIMATE_BORESIGHT = TableSchema(
     "Initial boresight of a camera in the adjustment: as given, or derived from the tie points.",
     (
         CAMERA,
-        number("roll_deg", "deg", "boresight roll"),
-        number("pitch_deg", "deg", "boresight pitch"),
-        number("yaw_deg", "deg", "boresight yaw"),
+        number("roll_deg", "boresight roll"),
+        number("pitch_deg", "boresight pitch"),
+        number("yaw_deg", "boresight yaw"),
     ),
     ("camera",),
 )
@@ -247,7 +238,7 @@ APPROXIMATE_POINTS = TableSchema(
         POINT,
         *position("point", nullable=True),
         count("rays", "number of image points"),
-        number("angle_deg", "deg", "largest angle between two rays", nullable=True),
+        number("angle_deg", "largest angle between two rays", nullable=True),
         text("status", "whether the point is used in the adjustment, or why not"),
     ),
     ("point",),

@@ -15,20 +15,20 @@ FILM_ORIENTATIONS = TableSchema(
         CAMERA,
         count("marks", "number of measured fiducial marks"),
         *(
-            number(f"{row}{place}", unit, f"{words}, of {axis}")
+            number(f"{row}{place}", f"{words}, of {axis}", unit)
             for row, axis in (("a", "x"), ("b", "y"))
             for place, unit, words in _TERMS
         ),
         *(
             number(
-                f"sigma_{place}", unit, f"standard deviation of the {words}, from the stated σ of the marks"
+                f"sigma_{place}", f"standard deviation of the {words}, from the stated σ of the marks", unit
             )
             for place, unit, words in _TERMS
         ),
-        number("sigma0_um", "um", "standard deviation of a measured mark from the residuals", nullable=True),
-        number("largest_um", "um", "largest residual"),
+        number("sigma0_um", "standard deviation of a measured mark from the residuals", nullable=True),
+        number("largest_um", "largest residual"),
         text("largest_mark", "mark with the largest residual"),
-        number("largest_standardized", "", "largest residual over its standard deviation", nullable=True),
+        number("largest_standardized", "largest residual over its standard deviation", nullable=True),
     ),
     ("image",),
 )

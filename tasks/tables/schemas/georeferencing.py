@@ -24,17 +24,16 @@ def _direct_differences(point: tuple[Column, ...]) -> tuple[Column, ...]:
     """Differences at a surveyed point, after its key."""
     return (
         *point,
-        *(number(f"{d}_m", "m", f"intersected − given, {way}", nullable=True) for d, way in _INTERSECTED),
+        *(number(f"{d}_m", f"intersected − given, {way}", nullable=True) for d, way in _INTERSECTED),
         *(
             number(
                 f"sigma_{d}_m",
-                "m",
                 f"predicted standard deviation, {way}: image points, GNSS/INS, strips, calibration, survey",
                 nullable=True,
             )
             for d, way in _INTERSECTED
         ),
-        number("gsd_m", "m", "ground sampling distance, median of its images"),
+        number("gsd_m", "ground sampling distance, median of its images"),
         count("rays", "number of image points"),
         text(
             "status",
@@ -70,12 +69,11 @@ Y_PARALLAXES = TableSchema(
         _LEFT,
         _RIGHT,
         POINT,
-        number("parallax_um", "um", "y of the left ray minus y of the right ray in the base frame"),
-        number("sigma_um", "um", "predicted standard deviation from all sources"),
-        number("sigma_image_um", "um", "the part due to the image coordinates"),
+        number("parallax_um", "y of the left ray minus y of the right ray in the base frame"),
+        number("sigma_um", "predicted standard deviation from all sources"),
+        number("sigma_image_um", "the part due to the image coordinates"),
         number(
             "remaining_um",
-            "um",
             "parallax remaining after a relative orientation of the model; null if there are too few points",
             nullable=True,
         ),
@@ -97,13 +95,13 @@ STEREO_MODELS = TableSchema(
         STRIP,
         FLIGHT,
         *position("middle of the two projection centres"),
-        number("base_m", "m", "distance of the projection centres"),
+        number("base_m", "distance of the projection centres"),
         count("points", "common points that fit the relative orientation"),
         count("mismatches", "common points that do not fit"),
-        number("rms_um", "um", "root mean square of the y-parallaxes", nullable=True),
-        number("max_um", "um", "largest size of a y-parallax", nullable=True),
-        number("predicted_rms_um", "um", "root mean square predicted from all sources", nullable=True),
-        number("remaining_rms_um", "um", "root mean square after the relative orientation", nullable=True),
+        number("rms_um", "root mean square of the y-parallaxes", nullable=True),
+        number("max_um", "largest size of a y-parallax", nullable=True),
+        number("predicted_rms_um", "root mean square predicted from all sources", nullable=True),
+        number("remaining_rms_um", "root mean square after the relative orientation", nullable=True),
     ),
     ("left", "right"),
     XYZ_M,

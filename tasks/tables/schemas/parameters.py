@@ -21,18 +21,17 @@ PARAMETERS = TableSchema(
             "camera, flight or strip it belongs to; CAMERA in FLIGHT of a set that holds in one flight",
         ),
         *OWNER,
-        number("value", "see unit", "adjusted value"),
-        number("change", "see unit", "adjusted minus initial value"),
-        number("sigma", "see unit", "standard deviation of this adjustment alone", nullable=True),
-        number("sigma_prior", "see unit", "standard deviation of the given initial value", nullable=True),
+        number("value", "adjusted value", "see unit"),
+        number("change", "adjusted minus initial value", "see unit"),
+        number("sigma", "standard deviation of this adjustment alone", "see unit", nullable=True),
+        number("sigma_prior", "standard deviation of the given initial value", "see unit", nullable=True),
         number(
             "sigma_over_prior",
-            "",
             "sigma divided by sigma_prior, both for one σ0; near 1, the adjustment added no information",
             nullable=True,
         ),
         text("unit", "unit of value, change and the sigmas"),
-        number("t", "", "change divided by sigma", nullable=True),
+        number("t", "change divided by sigma", nullable=True),
         text(
             "status",
             "assessment of the parameter, with t at the project's confidence; a calibration's certificate "
@@ -61,19 +60,19 @@ SELF_CALIBRATION = TableSchema(
         text("meaning", "what it models"),
         text("formula", "origin of its formula", values=("published", "reconstructed")),
         text("unit", "unit of the values and their sigmas"),
-        number("value", "see unit", "adjusted value; null if eliminated", nullable=True),
-        number("sigma", "see unit", "standard deviation; null if eliminated", nullable=True),
-        number("t", "", "change divided by its standard deviation; null if eliminated", nullable=True),
-        number("value_of_all", "see unit", "change with all parameters together", nullable=True),
-        number("sigma_of_all", "see unit", "standard deviation with all parameters together", nullable=True),
-        number("t_of_all", "", "change divided by its standard deviation with all together", nullable=True),
-        number("strongest_correlation", "", "strongest correlation with all together", nullable=True),
+        number("value", "adjusted value; null if eliminated", "see unit", nullable=True),
+        number("sigma", "standard deviation; null if eliminated", "see unit", nullable=True),
+        number("t", "change divided by its standard deviation; null if eliminated", nullable=True),
+        number("value_of_all", "change with all parameters together", "see unit", nullable=True),
+        number("sigma_of_all", "standard deviation with all parameters together", "see unit", nullable=True),
+        number("t_of_all", "change divided by its standard deviation with all together", nullable=True),
+        number("strongest_correlation", "strongest correlation with all together", nullable=True),
         text("correlated_with", "parameter with the strongest correlation, and its entity", nullable=True),
         text("correlated_parameter", "this parameter alone", nullable=True),
         text("correlated_entity", "its entity", nullable=True),
-        number("total_correlation", "", "correlation with all other free system parameters", nullable=True),
-        number("effect_max_um", "um", "largest correction in the image"),
-        number("effect_rms_um", "um", "root mean square of the correction over the image"),
+        number("total_correlation", "correlation with all other free system parameters", nullable=True),
+        number("effect_max_um", "largest correction in the image"),
+        number("effect_rms_um", "root mean square of the correction over the image"),
         text("decision", "final decision", values=("is significant", "is eliminated", "is kept")),
         count("step", "number of the last decision about it, 0 without a selection"),
         text("reason", "why"),
@@ -89,7 +88,7 @@ CORRELATIONS = TableSchema(
         text("entity_a", "entity of the first"),
         text("parameter_b", "name of the second"),
         text("entity_b", "entity of the second"),
-        number("correlation", "", "coefficient, −1 to 1"),
+        number("correlation", "coefficient, −1 to 1"),
     ),
     ("parameter_a", "entity_a", "parameter_b", "entity_b"),
 )
@@ -110,17 +109,17 @@ PARAMETER_INFLUENCES = TableSchema(
         *(
             number(
                 f"by_{axis}",
-                "see unit",
                 f"per metre of the component {axis}, grid east, north, up (control: true east, north); "
                 f"attitude: per degree about the axis {axis} of the body",
+                "see unit",
             )
             for axis in "xyz"
         ),
         *(
             number(
                 f"sigma_{axis}",
-                "m, deg",
                 f"standard deviation the component {axis} of the observation had in the adjustment",
+                "m, deg",
                 nullable=True,
             )
             for axis in "xyz"

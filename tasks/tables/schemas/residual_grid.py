@@ -11,10 +11,10 @@ RESIDUAL_GRID = TableSchema(
         CAMERA,
         count("column", "number of the sub-area along x, from 0"),
         count("row", "number of the sub-area along y, from 0"),
-        number("x_mm", "mm", "middle of the sub-area in the image system"),
-        number("y_mm", "mm", "middle of the sub-area in the image system"),
-        number("width_mm", "mm", "extent along x"),
-        number("height_mm", "mm", "extent along y"),
+        number("x_mm", "middle of the sub-area in the image system"),
+        number("y_mm", "middle of the sub-area in the image system"),
+        number("width_mm", "extent along x"),
+        number("height_mm", "extent along y"),
         count("tile_x", "number along x of the CCD image it lies in, 0 where there is only one"),
         count("tile_y", "number along y of the CCD image it lies in, 0 where there is only one"),
         count("count", "number of image points, the larger of count_vx and count_vy"),
@@ -23,7 +23,6 @@ RESIDUAL_GRID = TableSchema(
         *(
             number(
                 f"mean_v{axis}_um",
-                "um",
                 f"mean residual in {axis} (adjusted − observed, what would have to be added to "
                 "measurements); null for fewer than 5 residuals",
                 nullable=True,
@@ -32,14 +31,13 @@ RESIDUAL_GRID = TableSchema(
         ),
         number(
             "sigma",
-            "um",
             "standard deviation of the mean residual, root mean square of x and y",
+            "um",
             nullable=True,
         ),
         *(
             number(
                 f"sigma_v{axis}_um",
-                "um",
                 f"standard deviation of mean_v{axis}_um from the scatter of the residuals in the sub-area",
                 nullable=True,
             )
@@ -47,7 +45,6 @@ RESIDUAL_GRID = TableSchema(
         ),
         number(
             "p_value",
-            "",
             "probability of a mean vector of at least this length by chance (Hotelling)",
             nullable=True,
         ),
@@ -61,7 +58,6 @@ RESIDUAL_GRID = TableSchema(
         *(
             number(
                 f"correction_{axis}_um",
-                "um",
                 f"correction added to measured {axis} before this adjustment; null where there was none",
                 nullable=True,
             )
@@ -77,13 +73,12 @@ RESIDUAL_AUTOCORRELATION = TableSchema(
     (
         CAMERA,
         text("component", "component of the residuals", values=("x", "y")),
-        number("distance_to_mm", "mm", "upper limit of the distance"),
-        number("distance_from_mm", "mm", "lower limit of the distance"),
+        number("distance_to_mm", "upper limit of the distance"),
+        number("distance_from_mm", "lower limit of the distance"),
         Column("pairs", "int64", "", "number of pairs; large blocks are sampled"),
-        number("correlation", "", "coefficient; null without pairs", nullable=True),
+        number("correlation", "coefficient; null without pairs", nullable=True),
         number(
             "limit",
-            "",
             "limit for white noise: 3/√pairs, plus 6 divided by the number of image points in an "
             "image for the effect of its orientation",
             nullable=True,
@@ -91,7 +86,6 @@ RESIDUAL_AUTOCORRELATION = TableSchema(
         Column("correlated", "bool", "", "whether the coefficient exceeds the limit"),
         number(
             "sigma_relative_um",
-            "um",
             "standard deviation of coordinate differences at this distance",
             nullable=True,
         ),

@@ -6,7 +6,7 @@ from tasks.tables.schemas.columns import XYZ, Column, TableSchema, count, number
 
 
 def _each_axis(pattern: str, unit: str, meaning: str) -> tuple[Column, ...]:
-    return tuple(number(pattern.format(axis), unit, f"{meaning}, {axis}", nullable=True) for axis in XYZ)
+    return tuple(number(pattern.format(axis), f"{meaning}, {axis}", unit, nullable=True) for axis in XYZ)
 
 
 SWEEP = TableSchema(
@@ -21,15 +21,14 @@ SWEEP = TableSchema(
         text("changes", "settings the variant changes, as JSON"),
         text("status", "whether it was computed", values=("done", "not_computable", "input_error")),
         text("reason", "reason if not computed", nullable=True),
-        number("sigma0", "", "σ0 a posteriori / a priori", nullable=True),
-        number("sigma0_um", "um", "σ0 of an image coordinate", nullable=True),
+        number("sigma0", "σ0 a posteriori / a priori", nullable=True),
+        number("sigma0_um", "σ0 of an image coordinate", nullable=True),
         number(
             "sigma0_ratio",
-            "",
             "σ0 divided by that of the first variant with the same sub-block and control points",
             nullable=True,
         ),
-        number("redundancy", "", "observations minus unknowns", nullable=True),
+        number("redundancy", "observations minus unknowns", nullable=True),
         count("iterations", "iterations", nullable=True),
         count("images", "images", nullable=True),
         count("object_points", "object points", nullable=True),
@@ -40,18 +39,17 @@ SWEEP = TableSchema(
         count("parameters_offered", "additional parameters offered", nullable=True),
         count("parameters_kept", "additional parameters finally estimated", nullable=True),
         count("parameters_significant", "additional parameters that are significant", nullable=True),
-        number("gsd_m", "m", "ground sampling distance, median of the images", nullable=True),
+        number("gsd_m", "ground sampling distance, median of the images", nullable=True),
         *(
-            number(f"image_rms_{axis}_um", "um", f"RMS of the image residuals, {axis}", nullable=True)
+            number(f"image_rms_{axis}_um", f"RMS of the image residuals, {axis}", nullable=True)
             for axis in ("x", "y")
         ),
         count("cells", "sub-areas of the images with a mean residual, all cameras", nullable=True),
         count("cells_significant", "significant ones among them", nullable=True),
-        number("cells_by_chance", "", "number of significant sub-areas expected by chance", nullable=True),
+        number("cells_by_chance", "number of significant sub-areas expected by chance", nullable=True),
         *(
             number(
                 f"systematic_{axis}_um",
-                "um",
                 f"RMS of the mean residuals without the part due to chance, {axis}",
                 nullable=True,
             )

@@ -8,7 +8,7 @@ from tasks.tables.schemas.columns import XYZ, XYZ_M, Column, TableSchema, count,
 def _of(pattern: str, meaning: str) -> tuple[Column, ...]:
     """A number along grid east, grid north and up."""
     ways = zip(XYZ, ("east", "north", "height"), strict=True)
-    return tuple(number(pattern.format(axis), "m", meaning.format(way), nullable=True) for axis, way in ways)
+    return tuple(number(pattern.format(axis), meaning.format(way), "m", nullable=True) for axis, way in ways)
 
 
 TRUST_MAP_CELLS = TableSchema(

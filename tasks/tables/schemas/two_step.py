@@ -25,13 +25,13 @@ ORIENTATION_DIFFERENCES = TableSchema(
         IMAGE,
         CAMERA,
         text("strip", "strip, with its flight if there are several"),
-        number("place", "", "time in seconds, or number of the exposure if no times are known"),
-        number("heading_deg", "deg", "heading of the body, clockwise from true north"),
-        number("height_m", "m", "observed height in the project's height system"),
+        number("place", "time in seconds, or number of the exposure if no times are known"),
+        number("heading_deg", "heading of the body, clockwise from true north"),
+        number("height_m", "observed height in the project's height system"),
         count("mounting", "0: the mounting of most strips; 1, 2, …: others"),
-        *(number(f"{name}_{unit}", unit, meaning) for name, unit, meaning in _COMPONENTS),
+        *(number(f"{name}_{unit}", meaning, unit) for name, unit, meaning in _COMPONENTS),
         *(
-            number(f"weight_{name}", "", f"weight factor 0 … 1 of {name} in the robust mean of the mounting")
+            number(f"weight_{name}", f"weight factor 0 … 1 of {name} in the robust mean of the mounting")
             for name, _, _ in _COMPONENTS
         ),
     ),
@@ -56,10 +56,9 @@ ORIENTATION_DIFFERENCE_MEANS = TableSchema(
         ),
         text("component", "see orientation_differences", values=tuple(name for name, _, _ in _COMPONENTS)),
         text("unit", "unit of value and of all following figures", values=("deg", "m")),
-        number("value", "", "robust mean, as boresight angle, lever arm or shift"),
+        number("value", "robust mean, as boresight angle, lever arm or shift"),
         number(
             "sigma",
-            "",
             "its standard deviation, from the scatter of the strips and the errors of the "
             "adjustment; for a mounting or flight with fewer than five strips, not less than "
             "expected from that of the main mounting",
@@ -67,33 +66,29 @@ ORIENTATION_DIFFERENCE_MEANS = TableSchema(
         ),
         number(
             "freedom",
-            "",
             "degrees of freedom of sigma: a confidence limit is Student's quantile times sigma",
             nullable=True,
         ),
         number(
             "sigma_adjusted",
-            "",
             "part of sigma due to the errors of the adjusted orientations and of the camera; null: "
             "unknown and not included in sigma",
             nullable=True,
         ),
-        number("value_plain", "", "arithmetic mean", nullable=True),
-        number("sigma_plain", "", "its standard deviation", nullable=True),
-        number(
-            "rms", "", "of one exposure about the mean; for a strip, its standard deviation", nullable=True
-        ),
-        number("between_strips", "", "standard deviation of the means of the strips", nullable=True),
-        number("drift", "", "for a strip: change from its first to its last exposure", nullable=True),
-        number("sigma_drift", "", "its standard deviation", nullable=True),
+        number("value_plain", "arithmetic mean", nullable=True),
+        number("sigma_plain", "its standard deviation", nullable=True),
+        number("rms", "of one exposure about the mean; for a strip, its standard deviation", nullable=True),
+        number("between_strips", "standard deviation of the means of the strips", nullable=True),
+        number("drift", "for a strip: change from its first to its last exposure", nullable=True),
+        number("sigma_drift", "its standard deviation", nullable=True),
         Column(
             "outlying", "bool", "", "for a strip: whether the component is an outlier; null: not tested", True
         ),
         count("mounting", "of the images: 0 is the main one; null for `all`", nullable=True),
         count("images", "number of images"),
         count("strips", "number of strips"),
-        number("heading_deg", "deg", "mean heading; not meaningful for several directions"),
-        number("height_m", "m", "median height in the project's height system"),
+        number("heading_deg", "mean heading; not meaningful for several directions"),
+        number("height_m", "median height in the project's height system"),
     ),
     ("camera", "scope", "group", "component"),
     version=3,
@@ -109,7 +104,7 @@ STRIP_ERRORS = TableSchema(
         text("component_a", "of the first strip", values=_ADJUSTED),
         text("component_b", "of the second strip", values=_ADJUSTED),
         number(
-            "covariance", "see meaning", "products of degrees (roll, pitch, yaw) and metres (east, north, up)"
+            "covariance", "products of degrees (roll, pitch, yaw) and metres (east, north, up)", "see meaning"
         ),
     ),
     ("camera", "strip_a", "strip_b", "component_a", "component_b"),
