@@ -5,6 +5,8 @@ The map draws strips as arrows next to their lines, by height level, and the poi
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
@@ -162,58 +164,34 @@ _OBSERVED = (("gnss_positions", "GNSS position"), ("ins_attitudes", "INS attitud
 def exposure_table(material: CertificateMaterial) -> Table:
     """Delivered and used exposures, and how many are not used or lack something, for which reason."""
     results, names = material.results, material.record.names
-    delivered = material.exposures[material.exposures["camera"].isin(names)]["image"]
-    oriented = set(material.images["image"])
-    in_block = set(results.images["image"])
-    measured = set(results.image_points["image"])
-    out = [name for name in delivered if name not in oriented]
+    delivered = set(material.exposures[material.exposures["camera"].isin(names)]["image"])
+    used, in_block = delivered & set(material.images["image"]), set(results.images["image"])
+    out, measured = delivered - used, set(results.image_points["image"])
     rows = [
         _row("delivered", "delivered", delivered, named=False),
-        _row("used", "used", [name for name in delivered if name in oriented], named=False),
+        _row("used", "used", used, named=False),
         _row("not_used", "not used", out, named=False),
-        _row(
-            "without_points",
-            "not used: no image point is measured in it",
-            [n for n in out if n not in measured],
-        ),
+        _row("without_points", "not used: no image point is measured in it", out - measured),
         _row(
             "without_orientation",
             "not used: incomplete, and cannot be oriented by its image points",
-            [name for name in out if name in measured and name not in in_block],
+            (out & measured) - in_block,
         ),
-        _row(
-            "not_adjusted",
-            "not used: not oriented by the adjustment",
-            [name for name in out if name in in_block],
-        ),
+        _row("not_adjusted", "not used: not oriented by the adjustment", out & in_block),
         _row("few_points", f"used with fewer than {_FEW_POINTS} image points", _few(material)),
     ]
     for group, words in _OBSERVED:
         of_group = results.residuals[results.residuals["group"] == group]
         rejected = set(of_group.loc[of_group["status"] == "rejected", "image"])
         lacking = set(of_group.loc[~of_group["status"].isin((*TOOK_PART, "rejected")), "image"])
-        observed = set(of_group["image"]) - lacking
-        used = [name for name in delivered if name in oriented]
-        if material.record.heads:
-            # An event is observed once, which is listed under one of its images.
-            used = [name for name in used if name in set(of_group["image"])]
+        observed = set(of_group["image"])
+        # An event of a rig is observed once, which is listed under one of its images.
+        own = used & observed if material.record.heads else used
         rows += [
-            _row(
-                f"{group}_rejected",
-                f"used, {words} rejected as gross error",
-                [name for name in used if name in rejected],
-            ),
-            _row(
-                f"{group}_missing",
-                f"used without {words}",
-                [name for name in used if name not in observed and name not in rejected],
-            ),
+            _row(f"{group}_rejected", f"used, {words} rejected as gross error", own & rejected),
+            _row(f"{group}_missing", f"used without {words}", own - (observed - lacking) - rejected),
         ]
-    columns = (
-        text_column("use", "exposures"),
-        Column("count", "number"),
-        text_column("names", "which"),
-    )
+    columns = (text_column("use", "exposures"), Column("count", "number"), text_column("names", "which"))
     # A reason without an exposure says nothing.
     shown = tuple(row for row in rows if row.key in _ALWAYS or row.cells[2])
     return Table("exposures", "Exposures used and not used", columns, shown)
@@ -227,7 +205,7 @@ def _few(material: CertificateMaterial) -> list[str]:
     return [name for name in material.images["image"] if counts.get(name, 0) < _FEW_POINTS]
 
 
-def _row(key: str, words: str, names: pd.Series | list[str], *, named: bool = True) -> Row:
+def _row(key: str, words: str, names: Collection[str], *, named: bool = True) -> Row:
     listed = sorted(names)
     text = ", ".join(listed[:_MOST_NAMES]) if named else ""
     if named and len(listed) > _MOST_NAMES:
