@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from tasks.calibration.record import Verdict
-from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
+from tasks.document_kit.row_table import number_of, numbers_of, table_of, text_of
+from tasks.document_kit.table import Column, Number, Row, Table, numbers, text_column
 from tasks.documents.certificate.content import (
     Block,
     CertificateContent,
@@ -123,20 +124,15 @@ def _camera(results: Material, name: str) -> Section:
 
 def _platform(platform: pd.DataFrame, published: PublishedTable | None) -> Section:
     """Positions and attitudes of the heads, and the published attitudes of heads of the same names."""
-    columns = [text_column("head", "head"), *(Column(f"{axis}_m", axis.upper(), "m") for axis in "xyz")]
+    shown = [text_of("head", "head"), *numbers_of("{}_m", "XYZ", "m", "xyz", 3)]
     for name, symbol in zip(_ANGLES, _SYMBOLS, strict=True):
-        columns += [Column(f"{name}_deg", symbol, "°"), Column(f"sigma_{name}_mdeg", "σ", "mdeg")]
-    rows = []
-    for head in platform.to_dict("records"):
-        cells: list[Cell] = [str(head["head"]), *numbers((head[f"{axis}_m"] for axis in "xyz"), 3)]
-        for name in _ANGLES:
-            cells += [Number(head[f"{name}_deg"], 5), Number(1e3 * head[f"sigma_{name}_deg"], 2)]
-        rows.append(Row(str(head["head"]), tuple(cells)))
+        shown.append(number_of(f"{name}_deg", symbol, "°", 5))
+        shown.append(number_of(f"sigma_{name}_mdeg", "σ", "mdeg", 2, factor=1e3, of=f"sigma_{name}_deg"))
     note = (
         "Positions are held fixed. Rotation order ω (x), φ (y), κ (z), axes of the virtual image; the mean "
         "rotation of all heads relative to the given attitudes is zero."
     )
-    tables = [Table("platform", "Heads of the platform", tuple(columns), tuple(rows), note)]
+    tables = [table_of("platform", "Heads of the platform", shown, platform, "{head}", note)]
     if published is not None and set(platform["head"]) & published.heads.keys():
         tables.append(_published_heads(platform, published))
     return Section("platform", "Platform calibration", tuple(Listing(table) for table in tables))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from scipy import special
@@ -10,6 +10,7 @@ from scipy import special
 from adjust.arrays import Bools, Floats
 from adjust.parameters import FAMILIES
 from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION
+from tasks.document_kit.row_table import number_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.report.material import Material
 from tasks.quantities import COMPONENTS, KINDS, Kind, entity_words, shown
@@ -23,7 +24,7 @@ HEADS_NOTE = (
     "the given values are right, from the joint covariance of its components. If the reference head takes no "
     "images, the rotations contain its boresight, and their σ errors common to all heads."
 )
-_ANGLES = ("omega", "phi", "kappa")
+_ANGLES = {"omega": "ω", "phi": "φ", "kappa": "κ"}
 _CAPTIONS = {
     RELATIVE_POSITION: "Positions of the heads relative to the reference head",
     RELATIVE_ROTATION: "Rotations of the heads relative to the reference head",
@@ -145,38 +146,31 @@ def _of_head(
 
 def platform_table(material: Material) -> Table:
     """Attitudes of the heads of platforms in the axes of the virtual image (platform.parquet)."""
-    columns = (
-        text_column("head", "head"),
+    shown = (
+        text_of("head", "head"),
         *(
-            column
-            for name, letter in zip(_ANGLES, "ωφκ", strict=True)
-            for column in (Column(f"{name}_deg", letter, "°"), Column(f"sigma_{name}_deg", "σ", "°"))
+            number_of(column, heading, "°", f"sigma_{name}_deg")
+            for name, letter in _ANGLES.items()
+            for column, heading in ((f"{name}_deg", letter), (f"sigma_{name}_deg", "σ"))
         ),
         *(
-            Column(f"change_{name}_deg", f"Δ{letter}", "°")
-            for name, letter in zip(_ANGLES, "ωφκ", strict=True)
+            number_of(
+                f"change_{name}_deg", f"Δ{letter}", "°", f"sigma_{name}_deg", plus=True, of=_turned(name)
+            )
+            for name, letter in _ANGLES.items()
         ),
-        Column("probability", "exceeded by chance", "%"),
-        Column("correlation", "strongest correlation"),
-        text_column("correlated_with", "with head"),
+        number_of("probability", "exceeded by chance", "%", 2, factor=100.0),
+        number_of("correlation", "strongest correlation", decimals=2),
+        text_of("correlated_with", "with head"),
     )
-    rows = []
-    for row in material.platform.to_dict("records"):
-        cells: list[Cell] = [str(row["head"])]
-        sigmas = [float(row[f"sigma_{name}_deg"]) for name in _ANGLES]
-        for name, sigma in zip(_ANGLES, sigmas, strict=True):
-            cells += numbers((float(row[f"{name}_deg"]), sigma), decimals_for(sigma))
-        for name, sigma in zip(_ANGLES, sigmas, strict=True):
-            turned = (float(row[f"{name}_deg"]) - float(row[f"given_{name}_deg"]) + 180.0) % 360.0 - 180.0
-            cells += numbers((turned,), decimals_for(sigma), plus=True)
-        cells += [
-            *numbers((100.0 * float(row["probability"]),), 2),
-            *numbers((float(row["correlation"]),), 2),
-            str(row["correlated_with"]),
-        ]
-        rows.append(Row(f"{row['head']}@{row['platform']}", tuple(cells)))
     note = (
         "ω, φ, κ in the axes of the virtual image, in this order of rotation; the mean rotation of all heads "
         "relative to the given attitudes is zero. Δ = calibrated − given."
     )
-    return Table("platform", "Attitudes of the heads in the virtual image", columns, tuple(rows), note)
+    caption = "Attitudes of the heads in the virtual image"
+    return table_of("platform", caption, shown, material.platform, "{head}@{platform}", note)
+
+
+def _turned(name: str) -> Callable[[Mapping[str, float]], float]:
+    """By how much an angle of a head differs from the given one."""
+    return lambda head: (head[f"{name}_deg"] - head[f"given_{name}_deg"] + 180.0) % 360.0 - 180.0
