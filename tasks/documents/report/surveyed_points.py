@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -42,14 +43,14 @@ _OF_CONTROL = (
 _COORDINATE = (
     text_of("way", "", "heading"),
     number_of("points", "points"),
-    number_of("rms", "RMS", "m", 3),
-    number_of("predicted", "predicted RMS", "m", 3),
-    number_of("low", "limits, from", "m", 3),
-    number_of("high", "to", "m", 3),
+    number_of("rms", "RMS", "m", 3, of="rmse_m"),
+    number_of("predicted", "predicted RMS", "m", 3, of="predicted_rmse_m"),
+    number_of("low", "limits, from", "m", 3, of="predicted_low_m"),
+    number_of("high", "to", "m", 3, of="predicted_high_m"),
     number_of("ratio", "RMS/predicted", decimals=2),
-    number_of("degrees", "degrees of freedom", decimals=1),
-    number_of("mean", "mean", "m", 3, plus=True),
-    number_of("mean_limit", "its limit ±", "m", 3),
+    number_of("degrees", "degrees of freedom", decimals=1, of="degrees_of_freedom"),
+    number_of("mean", "mean", "m", 3, plus=True, of="mean_m"),
+    number_of("mean_limit", "its limit ±", "m", 3, of="mean_limit_m"),
     text_of("verdict", "verdict"),
 )
 
@@ -130,25 +131,12 @@ def check_test_table(material: Material) -> Table:
     return table_of("check-point-test", caption, _COORDINATE, rows, "{heading}", note)
 
 
-def _coordinate(found: CheckPointTest, k: int) -> dict[str, str | float | None]:
-    """One coordinate of the test."""
-    rms, low, high = (
-        float(one[k] or 0.0) for one in (found.rmse_m, found.predicted_low_m, found.predicted_high_m)
-    )
-    beyond = rms > high or abs(found.mean_m[k] or 0.0) > (found.mean_limit_m[k] or 0.0)
-    return {
-        "heading": _HEADINGS[k],
-        "points": found.points[k],
-        "rms": found.rmse_m[k],
-        "predicted": found.predicted_rmse_m[k],
-        "low": low,
-        "high": high,
-        "ratio": found.ratio[k],
-        "degrees": found.degrees_of_freedom[k],
-        "mean": found.mean_m[k],
-        "mean_limit": found.mean_limit_m[k],
-        "verdict": "beyond its limits" if beyond else "smaller than expected" if rms < low else "as expected",
-    }
+def _coordinate(found: CheckPointTest, k: int) -> dict[str, Any]:
+    """One coordinate of the test: its figures, and what they say."""
+    own = {name: values[k] for name, values in found if isinstance(values, tuple)}
+    beyond = own["rmse_m"] > own["predicted_high_m"] or abs(own["mean_m"]) > own["mean_limit_m"]
+    smaller = "smaller than expected" if own["rmse_m"] < own["predicted_low_m"] else "as expected"
+    return {**own, "heading": _HEADINGS[k], "verdict": "beyond its limits" if beyond else smaller}
 
 
 def _folds(material: Material) -> str:
