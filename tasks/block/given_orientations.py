@@ -7,9 +7,9 @@ that is known beforehand, and the projection centre lies at A − R_INS l with t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import pandas as pd
@@ -317,24 +317,10 @@ class GivenOrientations:
     def only(self, kept: Bools) -> Self:
         """The images (n,) that are kept."""
         index = np.flatnonzero(kept)
-        return replace(
-            self,
-            image=tuple(self.image[i] for i in index),
-            camera=self.camera[index],
-            flight=tuple(self.flight[i] for i in index),
-            strip=tuple(self.strip[i] for i in index),
-            time_s=self.time_s[index],
-            x_in_map=self.x_in_map[index],
-            observed=self.observed[index],
-            position_sigma=self.position_sigma[index],
-            local_from_grid=self.local_from_grid[index],
-            local_from_enu=self.local_from_enu[index],
-            angles=self.angles[index],
-            angle_sigma=self.angle_sigma[index],
-            is_heading=self.is_heading[index],
-            rates=self.rates[index],
-            velocity=self.velocity[index],
-            position_observed=self.position_observed[index],
-            attitude_observed=self.attitude_observed[index],
-            event=tuple(self.event[i] for i in index),
-        )
+        names = [item.name for item in fields(self) if item.name != "mountings"]
+        return replace(self, **{name: _rows(getattr(self, name), index) for name in names})
+
+
+def _rows(values: Any, index: Ints) -> Any:
+    """Rows of an array, or of a tuple of names."""
+    return tuple(values[i] for i in index) if isinstance(values, tuple) else values[index]
