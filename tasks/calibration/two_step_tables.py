@@ -14,7 +14,7 @@ from adjust.calibration.orientation_differences import COMPONENTS, misalignment_
 from adjust.calibration.two_step import GroupMean, TwoStep
 from tasks.calibration.offset_words import offset_sentence
 from tasks.calibration.orientation_pairs import CameraDifferences
-from tasks.files.json_text import JSON
+from tasks.files.json_text import JSON, attributes
 from tasks.results.calibration_figures import TwoStepFigure
 
 # Radians are shown in degrees.
@@ -196,16 +196,8 @@ def _separated(item: CameraDifferences, offset: OffsetSeparation) -> JSON:
 
 
 def _tests(offset: OffsetSeparation) -> JSON:
-    return [
-        {
-            "tested": name,
-            "chi_squared": test.chi_squared,
-            "freedom": test.freedom,
-            "variance_freedom": test.variance_freedom,
-            "probability": test.probability,
-        }
-        for name, test in offset.tests.items()
-    ]
+    names = ("chi_squared", "freedom", "variance_freedom", "probability")
+    return [{"tested": name, **attributes(test, *names)} for name, test in offset.tests.items()]
 
 
 def _in_camera_axes(item: CameraDifferences, mean: Floats) -> JSON:

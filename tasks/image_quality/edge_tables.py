@@ -13,6 +13,7 @@ from adjust.image_quality.edge_profile import EdgeProfile, edge_profile, normali
 from adjust.image_quality.edge_statistics import EdgeStatistics, edge_statistics
 from adjust.image_quality.iso_12233 import FrequencyResponse, frequency_response
 from adjust.image_quality.smear import Smear, smear
+from tasks.files.json_text import JSON, attributes
 from tasks.image_quality.scenes import SceneQuality
 from tasks.tables.schemas.image_quality import (
     DIRECTIONS,
@@ -24,8 +25,7 @@ from tasks.tables.schemas.image_quality import (
     ZONES,
 )
 
-Figure: TypeAlias = str | float | int | bool | None
-Row: TypeAlias = Mapping[str, Figure]
+Row: TypeAlias = Mapping[str, JSON]
 
 
 def edge_table(scenes: Sequence[SceneQuality]) -> pd.DataFrame:
@@ -119,18 +119,11 @@ def _groups(scenes: Sequence[SceneQuality], band: int) -> Iterator[tuple[str, st
 
 
 def _mean(found: EdgeStatistics, gsd_m: float | None) -> Row:
-    factor, sigma = found.factor, found.sigma_factor
     return {
-        "edges": found.edges,
-        "left_out": found.left_out,
-        "factor": factor,
-        "sigma_factor": sigma,
-        "method": found.method,
-        "scatter": found.scatter,
-        "stated": found.stated,
+        **attributes(found, "edges", "left_out", "factor", "sigma_factor", "method", "scatter", "stated"),
         "blur_px": found.blur,
-        "effective_gsd_m": None if gsd_m is None else factor * gsd_m,
-        "sigma_effective_gsd_m": None if gsd_m is None else sigma * gsd_m,
+        "effective_gsd_m": None if gsd_m is None else found.factor * gsd_m,
+        "sigma_effective_gsd_m": None if gsd_m is None else found.sigma_factor * gsd_m,
         **_response(found.profile, found.response),
     }
 

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,8 @@ from tasks.tables.stage_table import of_schema, write_stage_table
 
 _log = logging.getLogger("aerocal")
 _TENTHS = 10
+# Figures of the edges of a band.
+_OF_BAND = ["band", "edges", "factor", "sigma_factor", "mtf50", "mtf_nyquist", "sharpened"]
 
 
 @dataclass
@@ -161,16 +164,5 @@ def _figures(scenes: Sequence[SceneQuality], means: pd.DataFrame) -> JSON:
         "rows": first.rows,
         "dtype": first.dtype,
         "refused": dict(sorted(refused.items())),
-        "bands": [
-            {
-                "band": int(row["band"]),
-                "edges": int(row["edges"]),
-                "factor": float(row["factor"]),
-                "sigma_factor": float(row["sigma_factor"]),
-                "mtf50": float(row["mtf50"]),
-                "mtf_nyquist": float(row["mtf_nyquist"]),
-                "sharpened": bool(row["sharpened"]),
-            }
-            for _, row in whole.iterrows()
-        ],
+        "bands": cast(JSON, whole[_OF_BAND].to_dict("records")),
     }

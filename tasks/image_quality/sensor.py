@@ -15,7 +15,7 @@ from adjust.image_quality.defects import Defects, defects
 from adjust.image_quality.light_response import light_fall_off, linearity
 from adjust.image_quality.photon_transfer import PhotonTransfer, photon_transfer
 from tasks.errors import InputError, Location
-from tasks.files.json_text import JSON
+from tasks.files.json_text import JSON, attributes
 from tasks.image_files.image_reader import described
 from tasks.image_quality.flat_images import FlatImages, flat_images, middle_levels, middle_means
 from tasks.settings.sensor_quality import PROTOCOL, SensorSettings
@@ -238,17 +238,8 @@ def _transfer_sheets(tables: _Tables, band: int, transfer: PhotonTransfer, setti
         band, "noise", transfer.read_noise, transfer.residual, settings.transfer_limit,
         sigma=transfer.sigma_read_noise, unit="electrons of read noise",
     )  # fmt: skip
-    tables.transfers.append(
-        {
-            "band": band,
-            "gain": transfer.gain,
-            "sigma_gain": transfer.sigma_gain,
-            "read_noise": transfer.read_noise,
-            "sigma_read_noise": transfer.sigma_read_noise,
-            "full_well": transfer.full_well,
-            "statistic": transfer.statistic,
-        }
-    )
+    names = ("gain", "sigma_gain", "read_noise", "sigma_read_noise", "full_well", "statistic")
+    tables.transfers.append({"band": band, **attributes(transfer, *names)})
 
 
 def _transfer_rows(

@@ -16,9 +16,7 @@ def plan_json(plan: CalibrationPlan) -> JSON:
     here, cheapest = plan.expectation, plan.cheapest
     return {
         "name": plan.name,
-        "verdict": here.flight.verdict,
-        "reasons": list(here.flight.reasons),
-        "remarks": list(here.flight.remarks),
+        **attributes(here.flight, "verdict", "reasons", "remarks"),
         "free": list(plan.request.free),
         "additional": plan.request.self_calibration.parameters,
         "strip_bias_m": plan.request.strip_bias_m,
@@ -79,8 +77,7 @@ def _proposal(proposal: Proposal, here: Expectation) -> JSON:
     expectation = proposal.expectation
     return {
         "addition": addition_json(proposal.addition, expectation.images - here.images),
-        "verdict": expectation.flight.verdict,
-        "reasons": list(expectation.flight.reasons),
+        **attributes(expectation.flight, "verdict", "reasons"),
         "worst": {
             **attributes(expectation.worst, "parameter", "entity"),
             "sigma_over_limit": expectation.worst_part,
