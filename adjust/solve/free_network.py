@@ -179,7 +179,7 @@ def _unnoticed(
         rows = noticed.reshape(-1, size) @ scale
         # Where a row knows more than the rays of an exposure, the block bends before it moves.
         rows /= np.hypot(1.0, np.linalg.norm(rows, axis=1))[:, None]
-        triangle = np.linalg.qr(np.concatenate([triangle, rows]), mode="r")
+        triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, rows]), mode="r"))
     _, roots, vectors = np.linalg.svd(triangle)
     null = vectors[::-1].T[:, : _open(roots[::-1] ** 2)]
     null[7:][np.abs(null[7:]) < _STILL] = 0.0

@@ -60,7 +60,7 @@ def _defect(block: Block, observations: Observations, platform: int, heads: Ints
         return None
     own, bias = (np.abs(part @ turns).max(axis=1) > _LEVERAGE for part in (np.eye(6)[3:], of_body))
     moved = np.abs(turned @ turns[:3]).max(axis=2) > _LEVERAGE
-    of_own = [boresight.quantity(platform, k) for k in np.flatnonzero(own)]
+    of_own = [boresight.quantity(platform, int(k)) for k in np.flatnonzero(own)]
     of_strips = [(int(k), int(c)) for k, c in np.argwhere(open_biases & bias) if k in strips]
     named = [
         *of_own,
