@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from adjust.arrays import Bools
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError, part_of, writing_into
+from tasks.image_files.associated_alpha import has_associated_alpha
 from tasks.image_files.image_reader import ImageDescription, ImageReader, Pixels, opened_image
 
 #: First row and last + 1, and columns.
@@ -159,7 +160,7 @@ def _options(source: ImageReader) -> dict[str, Any]:
     if not dataset.transform.is_identity or dataset.crs is not None:
         options |= {"crs": dataset.crs, "transform": dataset.transform}
     if about.alpha:
-        options["alpha"] = "yes"
+        options["alpha"] = "premultiplied" if has_associated_alpha(about.path) else "yes"
     if about.bits < 8 * np.dtype(about.dtype).itemsize:
         options["nbits"] = about.bits
     profile = dataset.tags(ns="COLOR_PROFILE").get("SOURCE_ICC_PROFILE")
