@@ -150,6 +150,7 @@ def export_calibration(number: str, out: Path | None, address: str | None) -> in
         sys.stdout.buffer.flush()
         return DONE
     write_whole(out, content)
+    screen().print(Text(f"Calibration {number} is in {out}."), soft_wrap=True)
     return DONE
 
 
@@ -182,10 +183,10 @@ def verify_registry(since: str | None, address: str | None, *, as_json: bool) ->
             )
         )
     if not sentences:
-        counts = f"{len(contents.calibrations)} calibrations and {len(contents.events)} events"
-        counts += f", and {len(results)} radiometric results" if results else ""
+        counts = f"calibrations: {len(contents.calibrations)}, events: {len(contents.events)}"
+        counts += f", radiometric results: {len(results)}" if results else ""
         if not as_json:
-            words = f"{counts} are as they were written.\nState {contents.digest or 'empty'}"
+            words = f"All is as it was written ({counts}).\nState {contents.digest or 'empty'}"
             screen().print(Text(words), soft_wrap=True)
         return DONE
     if not as_json:

@@ -84,7 +84,8 @@ def result_table(outcome: RunOutcome) -> RenderableType:
     estimated = any(item.sigma is not None for item in summary.parameters or ())
     parts += [Text(), _parameters(summary)] if estimated and calibration is None else []
     parts += [Text(), _gates(summary)] if summary.gates else []
-    parts.append(Text("\n" + "\n".join(f"Report: {outcome.directory / name}" for name in reports)))
+    pages = pages_of(outcome, reports, certified=calibration is not None)
+    parts.append(Text("\n" + "\n".join(pages)))
     sentences = where_results_are(outcome, "Tables, summary.json and manifest.json")
     parts += [Text(sentence) for sentence in sentences]
     parts += [
@@ -93,6 +94,15 @@ def result_table(outcome: RunOutcome) -> RenderableType:
         if one.written
     ]
     return Group(*parts)
+
+
+def pages_of(outcome: RunOutcome, reports: Sequence[str], *, certified: bool) -> tuple[str, ...]:
+    """Lines that say where the pages of a run are, and its certificates."""
+    certificates = sorted(outcome.directory.glob("certificate*.pdf")) if certified else []
+    return (
+        *(f"Report: {outcome.directory / name}" for name in reports),
+        *(f"Certificate: {path}" for path in certificates),
+    )
 
 
 def where_results_are(outcome: RunOutcome, what: str) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from flows.command.calibration_table import calibration_verdict
 from flows.command.exit_code import DONE, GATE_FAILED, OF_STATUS, complain
 from flows.command.georeferencing_table import CHECK_PAGE, georeferencing_table
 from flows.command.progress import show_progress
+from flows.command.result_table import pages_of
 from flows.command.screen_table import print_listed, screen, screen_table
 from flows.runs.project_run import RunOutcome
 from flows.stories.flight_check import flight_check
@@ -133,8 +134,6 @@ def _verdict(console: Console, comparison: TruthComparison, outcome: RunOutcome)
     else:
         console.print(Text(f"\n{comparison.agreement()}", style="bold green"))
     checked = outcome.summary.direct_georeferencing is not None
-    for page in ("report.html", *([CHECK_PAGE] if checked else [])):
-        console.print(Text(f"Report: {outcome.directory / page}"), soft_wrap=True)
-    for certificate in sorted(outcome.directory.glob("certificate*.pdf")):
-        console.print(Text(f"Certificate: {certificate}"), soft_wrap=True)
+    for line in pages_of(outcome, ("report.html", *([CHECK_PAGE] if checked else [])), certified=True):
+        console.print(Text(line), soft_wrap=True)
     return GATE_FAILED if contradictions else DONE

@@ -1,4 +1,4 @@
-"""Whether the grey values of a TIFF are already multiplied by its alpha, which GDAL does not tell its readers.
+"""Whether the grey values of a TIFF are already multiplied by its alpha, which GDAL does not tell readers.
 
 TIFF 6.0, section 18: the tag ExtraSamples is 1 for associated and 2 for unassociated alpha.
 """

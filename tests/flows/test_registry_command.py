@@ -112,7 +112,9 @@ def test_what_is_exported_has_the_verification_code_and_can_be_added_elsewhere(
 ) -> None:
     digest = record(changed(1)).digest
     spoken = "-".join(digest[i : i + 4].upper() for i in range(0, 16, 4))
-    assert filled("export", spoken, "--out", tmp_path / "two.json").exit_code == 0
+    exported = filled("export", spoken, "--out", tmp_path / "two.json")
+    assert exported.exit_code == 0
+    assert exported.stdout == f"Calibration {spoken} is in {tmp_path / 'two.json'}.\n"
     content = (tmp_path / "two.json").read_bytes()
     assert hashlib.sha256(content).hexdigest() == digest
     assert filled("export", "2").stdout_bytes == content
@@ -417,7 +419,7 @@ def test_the_same_on_a_server(postgresql: PostgresqlServer, tmp_path: Path) -> N
     done = console("add", tmp_path, "--code", record().digest, PGPASSWORD=PASSWORD)
     assert done.exit_code == 0, done.stderr
     assert console("approve", "1", "--from", "2024-05-01", PGPASSWORD=PASSWORD).exit_code == 0
-    assert "1 calibrations and 2 events" in console("verify", PGPASSWORD=PASSWORD).stdout
+    assert "calibrations: 1, events: 2" in console("verify", PGPASSWORD=PASSWORD).stdout
     wrong = console("list", PGPASSWORD="wrong-one")
     assert "refuses this user or password" in error(wrong, code=1)
     missing = Console(postgresql.url("nowhere"))("list")

@@ -147,6 +147,12 @@ def test_the_record_says_from_which_flight_and_files_it_is(record: CalibrationRe
     assert record.verdict == "accepted"
 
 
+def test_the_command_says_where_the_certificate_is(accepted: RunOutcome) -> None:
+    console = Console(file=io.StringIO(), width=10_000, record=True)
+    console.print(result_table(accepted))
+    assert f"Certificate: {accepted.directory / 'certificate.pdf'}" in console.export_text()
+
+
 def test_two_steps_find_the_same_as_one(accepted: RunOutcome) -> None:
     found = figures(accepted)["two_step"]
     assert {item["parameter"] for item in found["parameters"]} == {
