@@ -124,6 +124,8 @@ def _polynomials(results: Results) -> HandedOver:
         )
         geodetic = geodetic_on_wgs84(images.map_frame, seen[0])
         geodetic[:, :2] = np.rad2deg(geodetic[:, :2])
+        # Across the antimeridian they are counted on.
+        geodetic[:, 1] -= 360.0 * np.round((geodetic[:, 1] - geodetic[0, 1]) / 360.0)
         pixel = replace(camera.frame, pixel_origin="centre").pixel_from_image(at)[:, ::-1]
         pixel = np.tile(pixel, (len(heights), 1))
         fitted.append(fit_rational_polynomials(geodetic, pixel))

@@ -24,6 +24,7 @@ def rpc_text(one: RationalPolynomials, misfit_px: float) -> str:
     image, ground = ("LINE", "SAMP"), ("LAT", "LONG", "HEIGHT")
     values |= {f"{name}_OFF": float(value) for name, value in zip(image, one.image_offset, strict=True)}
     values |= {f"{name}_OFF": float(value) for name, value in zip(ground, one.ground_offset, strict=True)}
+    values["LONG_OFF"] -= 360.0 * round(values["LONG_OFF"] / 360.0)
     values |= {f"{name}_SCALE": float(value) for name, value in zip(image, one.image_scale, strict=True)}
     values |= {f"{name}_SCALE": float(value) for name, value in zip(ground, one.ground_scale, strict=True)}
     for k, name in enumerate(image):

@@ -134,6 +134,16 @@ def test_rational_polynomials_are_named_by_their_axes_and_state_their_misfit():
     np.testing.assert_allclose(handed.misfit_m[::2], handed.misfit_px[::2] * pixel_m, rtol=1e-3)
 
 
+def test_rational_polynomials_of_a_block_on_the_antimeridian_are_those_of_any_other():
+    results, _ = flown(Flight(longitude_deg=180.0, crs="EPSG:32660"))
+    handed = hand_over(results, "rpc", REGISTER["rpc"].freed)
+    assert handed.misfit_px.max() < 0.5
+    for one in handed.polynomials:
+        found = dict(line.split(": ") for line in rpc_text(one, 0.0).splitlines())
+        assert 179.9 < abs(float(found["LONG_OFF"])) <= 180.0
+        assert float(found["LONG_SCALE"]) < 0.1
+
+
 def test_the_misfit_on_the_ground_is_that_in_the_image_seen_from_the_height():
     """Of vertical images: in any direction in plan."""
     results, _ = flown(Flight(above=4000.0))
