@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import dist
@@ -143,11 +143,38 @@ def _with_bytes(content: bytes, change: Hostile) -> bytes:
     return content[:start] + change.value.encode("latin-1") + content[start:]
 
 
+def _with_table(content: bytes, change: Hostile) -> bytes:
+    """A whole column scaled or renamed as another program would, or the rows of few names only."""
+    header, *rows = (line.split(",") for line in content.decode().splitlines())
+    if change.what == "column renamed":
+        for row in rows:
+            row[0] = _RENAMED[change.value](row[0])
+    elif change.what == "few names":
+        kept = [*dict.fromkeys(row[0] for row in rows)][: int(change.value)]
+        rows = [row for row in rows if row[0] in kept]
+    else:
+        column = place(change.where, len(header))
+        for row in rows:
+            if _NUMBER.fullmatch(row[column]):
+                row[column] = repr(float(row[column]) * float(change.value))
+    return ("\n".join(",".join(row) for row in (header, *rows)) + "\n").encode()
+
+
+#: What becomes of names on their way through other programs.
+_RENAMED: Mapping[str, Callable[[str], str]] = {
+    "decimals": "{}.0".format,
+    "extension": "{}.tif".format,
+    "accent": "e\u0301{}".format,
+    "zeros": lambda name: name.replace("0", ""),
+    "blank": " {} ".format,
+    "small": str.lower,
+}
 _CHANGES = {
     "token": lambda content, change: _exchanged(_TOKEN, content, change),
     "factor": lambda content, change: _exchanged(_NUMBER, content, change),
     **dict.fromkeys(("line lost", "line twice", "lines swapped", "line cut"), _with_lines),
     **dict.fromkeys(("cut", "bit flipped", "bytes"), _with_bytes),
+    **dict.fromkeys(("column scaled by", "column renamed", "few names"), _with_table),
     "encoding": lambda content, change: content.decode().encode(change.value),
     "line ends": lambda content, change: content.replace(b"\n", change.value.encode()),
     "emptied": lambda _content, _change: b"",
@@ -248,6 +275,7 @@ _KEYS = st.sampled_from(
 )
 PART = st.floats(0.0, 1.0)
 _FILE = st.sampled_from((*FILES, CALIBRATION))
+_TABLES = st.sampled_from([name for name in FILES if name.endswith(".csv")])
 
 
 def _change(
@@ -270,8 +298,19 @@ def damage(file: st.SearchStrategy[str]) -> st.SearchStrategy[Hostile]:
     return _change(["cut", "bit flipped", "emptied"], file=file)
 
 
+#: Changes to all rows of a delivered table.
+_OF_TABLES = st.one_of(
+    _change(
+        ["column scaled by"],
+        st.sampled_from(["-1", "0.3048", "1.000002", "1000", "1e-3", "57.29577951308232", "0.9", "2", "0"]),
+        _TABLES,
+    ),
+    _change(["column renamed"], st.sampled_from([*_RENAMED]), _TABLES),
+    _change(["few names"], st.integers(0, 4).map(str), _TABLES),
+)
 #: Changes to the files of a block and to the options of a command.
 HOSTILE = st.one_of(
+    _OF_TABLES,
     tokens(_FILE),
     tokens(_FILE),
     _change(
