@@ -25,6 +25,7 @@ from tasks.plausibility.control_diagnosis import Survey, diagnosed_control
 from tasks.plausibility.coverage import other_pixel_origins, uncovered
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
 from tasks.plausibility.diagnosis import TieMisses, diagnosed, exchanged_images, unexplained
+from tasks.plausibility.disordered_strips import disordered_strips
 from tasks.plausibility.hypotheses import Delivered, of_orientations
 from tasks.plausibility.misalignment import misalignment
 from tasks.plausibility.mistake import Mistake
@@ -141,16 +142,17 @@ def _by_ties(
     misses = TieMisses(block.state, pixel)
     hypotheses = of_orientations(given, [source.angles for source in declared.exposures])
     found = diagnosed(delivered, misses, hypotheses, limits)
-    mistakes = list(found.mistakes)
-    settled = found.delivered
+    disordered, ordered = disordered_strips(found.delivered, misses, limits)
+    mistakes = [*found.mistakes, *disordered]
+    settled = ordered
     if not MOUNTINGS.isdisjoint(declared.free):
         settled = with_boresight(settled, misses, limits.suspicious_px)
     mistakes += moved_positions(settled, misses, positions, limits.suspicious_px)
-    if found.left_px <= limits.wrong_px:
-        mistakes += exchanged_images(found.delivered, misses, limits)
+    if found.left_px <= limits.wrong_px or disordered:
+        mistakes += exchanged_images(ordered, misses, limits)
         if not mistakes and found.left_px > limits.suspicious_px:
             mistakes.append(unexplained(found.left_px, limits))
-    return mistakes, replace(block, delivered=found.delivered)
+    return mistakes, replace(block, delivered=ordered)
 
 
 def _by_control(

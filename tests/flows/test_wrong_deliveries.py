@@ -194,6 +194,18 @@ def mixed_images(delivery: Delivery) -> None:
     delivery.exposures["image"] = names
 
 
+def renumbered(order: Callable[[np.ndarray], np.ndarray]) -> Wrong:
+    """The images of one strip are numbered otherwise in the exposures."""
+
+    def wrong(delivery: Delivery) -> None:
+        rows = np.flatnonzero(delivery.exposures["strip"] == "E01")
+        names = delivery.exposures["image"].to_numpy(copy=True)
+        names[rows] = order(names[rows])
+        delivery.exposures["image"] = names
+
+    return wrong
+
+
 def zeros_lost(delivery: Delivery) -> None:
     """A spreadsheet has made numbers of the names in one of the files."""
     names = delivery.control["point"].str.removeprefix("C")
@@ -292,6 +304,16 @@ WRONG: Mapping[str, tuple[str, tuple[Wrong, ...], tuple[str, ...]]] = {
     "attitudes of another grade": ("heading", (angles(noisy),), ("If GNSS and INS are not as accurate",)),
     "zeros lost": ("omega", (zeros_lost,), ("'001' may be '1'",)),
     "images mixed up": ("omega", (mixed_images,), ("Exchange the names",)),
+    "strip shifted": (
+        "omega",
+        (renumbered(lambda names: np.roll(names, 1)),),
+        ("strip E01 look shifted by one image",),
+    ),
+    "strip the other way": (
+        "heading",
+        (renumbered(lambda names: names[::-1]),),
+        ("strip E01 look numbered in the opposite order",),
+    ),
     "single rays": ("omega", (single_rays,), ("measured in one image only",)),
     "images without points": ("omega", (without_points,), ("have no image points",)),
     "micrometres and gon": (
@@ -328,7 +350,7 @@ QUICK = (
     "phi-omega-kappa", "kappa clockwise", "columns of image points", "x to the left",
     "exposures swapped in a map", "exposures in feet", "antenna", "time offset of two heads",
     "control mixed up", "images mixed up", "gon and undulation", "y down and radians", "zeros lost",
-    "headings from the map", "attitudes of another grade",
+    "headings from the map", "attitudes of another grade", "strip shifted",
 )  # fmt: skip
 
 
