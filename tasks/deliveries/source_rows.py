@@ -157,7 +157,12 @@ def about_missing_sigmas(
 
 def sigmas_missing(file: Path, without: int, rows: int, default: str) -> str:
     """The sentence of :func:`about_missing_sigmas` about so many of all rows."""
+    which = (
+        "no row has all of its standard deviations"
+        if without == rows
+        else f"{without:,} of {rows:,} rows have no standard deviation although others do"
+    )
     return (
-        f"{file.name}: {without:,} of {rows:,} rows have no standard deviation although others do; "
-        f"{default} of the project file is used for them. Fill them in if this is not intended."
+        f"{file.name}: {which}; {default} of the project file is used for what is missing. "
+        "Fill it in if this is not intended."
     )

@@ -212,6 +212,13 @@ def test_positions_outside_the_crs_say_that_x_and_y_look_swapped(delivery):
     assert "x and y look swapped" in raised.value.remedy
 
 
+def test_a_table_with_the_sigmas_of_one_coordinate_only_is_said_to_be_incomplete(delivery):
+    header = "image,camera,strip,x,y,z,omega,phi,kappa,sx"
+    delivery.write(exposures=f"{header}\nI1,CAM,S,500000,5300000,2000,0,0,0,0.1\n")
+    (said,) = delivery.notes(delivery.exposures()).problems
+    assert said.startswith("exposures.csv: no row has all of its standard deviations; sigma.position_m")
+
+
 @pytest.mark.parametrize(
     ("x", "y", "remedy"),
     [
