@@ -3,12 +3,17 @@
 With rejection the two searches hang together: wrong weights make good observations look like gross
 errors, and gross errors inflate a component. So the weights start from medians of |w|, which gross
 errors hardly move; then rejection and estimation take turns until neither changes anything.
+
+A part whose σ are stated much too small holds what it observes, and its errors are in the orientations and
+the other parts: it has hardly any redundancy, but would have it with the right weights. So what is weak
+stands still only while its few residuals agree with its weights.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 
@@ -18,6 +23,7 @@ from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjuster
 from adjust.quality.observation_parts import Part, correlations_of, parts_of
 from adjust.quality.rejection import SnoopingRule
+from adjust.quality.trace_matrix import trace_matrix
 from adjust.quality.variance_components import (
     CONVERGED,
     LEAST_REDUNDANCY,
@@ -34,6 +40,9 @@ _MOST_TURNS = 10
 # The medians need only be good enough that nothing sound looks like a gross error.
 _ROUGHLY = 0.1
 _MOST_ROUGH_ROUNDS = 6
+# Residuals contradict the weights of a part so many σ beyond what is expected, with some redundancy at least.
+# If they do so by chance, the part is estimated or, where it stays weak, keeps what was stated.
+_BEYOND, _LEAST_DOUBTED = 2.0, 0.01
 # Part of the step before above which one in the other direction is swinging, not settling.
 _SWINGING = 0.4
 
@@ -63,8 +72,8 @@ class Weighted:
         return PartSums.of(self.search.adjusted, self.parts)
 
     def moved(self, estimated: Floats) -> Floats:
-        """Estimated factors (parts,) of this round; what is weak stands still, what is frozen goes back."""
-        step = np.where(self.weak, 1.0, estimated)
+        """Estimated factors (parts,) of this round; what stands stays, what is frozen goes back."""
+        step = np.where(self.standing, 1.0, estimated)
         return np.where(self.frozen, 1.0 / self.factors, step)
 
     def frozen_where_weak(self) -> Weighted:
@@ -79,6 +88,30 @@ class Weighted:
         """(parts,) those whose redundancy is too small at the present weights."""
         weak: Bools = self.sums.redundancy < LEAST_REDUNDANCY
         return weak | self._without_intervals()
+
+    @cached_property
+    def standing(self) -> Bools:
+        """(parts,) those that are weak, and whose residuals agree with their weights.
+
+        With the right weights of all parts Ω has the mean r and the variance 2 S, with S = tr(R²) of the part
+        at least r²/n of its n observations.
+        """
+        adjusted, standing = self.search.adjusted, self.weak.copy()
+        redundancy, excess = self.sums.redundancy, self.sums.squares - self.sums.redundancy
+        count = [
+            np.count_nonzero(adjusted.observations.groups[part.group].stochastic.present[part.place])
+            for part in self.parts
+        ]
+        doubted = standing & ~self.frozen & (redundancy > _LEAST_DOUBTED)
+        doubted &= excess > _BEYOND * redundancy * np.sqrt(2.0 / np.maximum(count, 1))
+        doubted &= ~np.array([part.is_correlation for part in self.parts], dtype=bool)
+        if doubted.any():
+            parts = tuple(compress(self.parts, doubted))
+            traces = trace_matrix(
+                adjusted.system, adjusted.solution, parts, redundancy[doubted], adjusted.considered
+            )
+            standing[doubted] = excess[doubted] < _BEYOND * np.sqrt(2.0 * np.diagonal(traces))
+        return standing
 
     def _without_intervals(self) -> Bools:
         """Correlation times (parts,) of strips in which no exposure follows another."""
@@ -200,7 +233,7 @@ def without_swinging(step: Floats, last: Floats) -> Floats:
 
 def _estimated(found: Weighted, simplified: bool) -> Floats:
     """Factors (parts,) that this round estimates; simplified by Förstner's step, which never overshoots."""
-    free = ~(found.frozen | found.weak)
+    free = ~(found.frozen | found.standing)
     step = variance_factors(found.sums, found.parts)
     if not simplified and free.any():
         parts = tuple(part for part, is_free in zip(found.parts, free, strict=True) if is_free)

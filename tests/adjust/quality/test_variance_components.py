@@ -121,6 +121,22 @@ def test_from_wrong_weights_the_large_parts_are_found_within_their_intervals(
     assert not misses, misses
 
 
+@pytest.mark.parametrize("rejecting", [pytest.param(False, marks=pytest.mark.slow), True])
+def test_sigmas_stated_so_small_that_they_leave_no_redundancy_are_estimated(
+    measured: SimulatedBlock, rejecting: bool
+) -> None:
+    """Positions ten times too good hold all images: those in plan kept what was stated, with r of 2."""
+    block = measured.block(FREE)
+    wrong = wrongly_weighted(measured.observations(block), {"gnss_positions": 0.1})
+    result = estimated(block, wrong, critical_value=4.13 if rejecting else None)
+    for item in result.variance_components:
+        if item.part.name.startswith("gnss_positions"):
+            assert item.estimated, item
+            assert item.lower < 10.0 < item.upper, item
+            assert item.redundancy > 40.0
+    assert result.groups[1].rejected + result.groups[2].rejected + result.groups[3].rejected <= 1
+
+
 @pytest.mark.slow
 def test_the_start_has_no_influence_on_what_is_found(
     measured: SimulatedBlock, from_wrong: AdjustmentResult
