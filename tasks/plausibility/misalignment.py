@@ -1,8 +1,10 @@
-"""The rough misalignment of camera and INS from the tie points, with which a first calibration starts.
+"""The rough misalignment of camera and INS, from tie or control points, that a first calibration starts from.
 
 A camera is mounted some tenths of a degree, up to two degrees, off the axes of the INS, which nobody knows
 before the first calibration. Rays of tie points then miss each other by hundreds of pixels wherever images of
-different headings, heights or strips meet. What minimises these misses is good enough to begin with.
+different headings, heights or strips meet. What minimises these misses is good enough to begin with. In
+strips of one direction a roll moves all intersections alike, by 70 m for 0.67° at 6,000 m; there only control
+points show it.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from adjust.approximate.intersection import intersect
 from adjust.arrays import Floats
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
@@ -35,12 +38,12 @@ class Misalignment:
     ----------
     given : the orientations with it.
     angles : (c, 3) roll, pitch, yaw of every camera in addition to the given boresight, radians.
-    median_px : median residual that it leaves.
+    control_m : how far surveyed points were from their intersections, if they show it; 0: tie points do.
     """
 
     given: GivenOrientations
     angles: Floats
-    median_px: float
+    control_m: float = 0.0
 
     @property
     def sentence(self) -> str:
@@ -51,10 +54,17 @@ class Misalignment:
                 self.given.mountings.names, np.rad2deg(self.angles), strict=True
             )
         )
+        shown, otherwise = "tie points", ""
+        if self.control_m:
+            shown = "control points"
+            otherwise = (
+                f" Tie points do not show it here: otherwise the coordinates are {self.control_m:.0f} m off."
+            )
         return (
-            f"The tie points show a misalignment of camera and INS: {found} relative to the given "
+            f"The {shown} show a misalignment of camera and INS: {found} relative to the given "
             "boresight. The adjustment uses it as initial value; declare it as boresight_deg"
             f"{', of heads as rotation_deg,' if self.given.mountings.has_heads else ''} if it is known."
+            f"{otherwise}"
         )
 
 
@@ -103,7 +113,59 @@ def misalignment(
     slips, of_slip = best_slips(given, sample, state, now_px, pixel_size)
     if len(slips) == 1 and of_slip <= _AS_WELL * left:
         return None
-    return Misalignment(turned, angles, left)
+    return Misalignment(turned, angles)
+
+
+def misalignment_by_control(
+    given: GivenOrientations,
+    rays: ImagePoints,
+    state: State,
+    place: Floats,
+    limits: TieLimits,
+    limit_m: float,
+) -> Misalignment | None:
+    """The misalignment that explains how far surveyed points are from the intersections; None if none does.
+
+    Parameters
+    ----------
+    state : with the given orientations.
+    place : (points, 3) surveyed positions of the object points, metres, local frame; NaN where there is none.
+    limits : what tie points may miss each other by with it.
+    limit_m : distance above which an explanation is looked for.
+    """
+    surveyed = np.flatnonzero(np.isfinite(place).all(axis=1))
+    number = np.full(len(place), -1, dtype=np.int64)
+    number[surveyed] = np.arange(len(surveyed))
+    own = rays.only(np.flatnonzero(number[rays.point] >= 0))
+    own = replace(own, point=number[own.point])
+
+    def differences(trial: GivenOrientations) -> Floats:
+        found = intersect(own, _state_of(state, trial), len(surveyed))
+        return np.where(found.usable[:, None], found.object_point - place[surveyed], np.nan)
+
+    now = np.linalg.norm(differences(given), axis=1)
+    if not (now > limit_m).any():
+        return None
+    typical = float(np.nanmedian(now))
+    cameras = len(given.mountings.cameras)
+
+    def residuals(angles: Floats) -> Floats:
+        trial = differences(_turned(given, angles.reshape(cameras, 3))) / typical
+        return np.clip(np.nan_to_num(trial, nan=10.0), -10.0, 10.0).ravel()
+
+    from scipy.optimize import least_squares
+
+    start = np.zeros(3 * cameras)
+    # One wrong point among many must not turn the others.
+    found = least_squares(residuals, start, loss="soft_l1", f_scale=0.1, x_scale=1e-3, max_nfev=_MOST_TRIALS)
+    angles = found.x.reshape(cameras, 3)
+    turned = _turned(given, angles)
+    left = float(np.nanmedian(np.linalg.norm(differences(turned), axis=1)))
+    pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
+    misses = ray_residuals(rays, _state_of(state, turned), len(place), pixel_size).median_px
+    if np.abs(angles).max() > LARGEST or left > _LEFT * typical or misses > limits.suspicious_px:
+        return None
+    return Misalignment(turned, angles, typical)
 
 
 def _turned(given: GivenOrientations, angles: Floats) -> GivenOrientations:

@@ -38,7 +38,7 @@ from tasks.plausibility.coverage import spelled_otherwise
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
 from tasks.plausibility.distances import check_distances
 from tasks.plausibility.flight_direction import check_flight_direction
-from tasks.plausibility.misalignment import misalignment
+from tasks.plausibility.misalignment import misalignment, misalignment_by_control
 from tasks.plausibility.orientations import check_orientations, ray_residuals
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
@@ -154,15 +154,23 @@ def _intersected(
     intersection = intersect(rays, state, len(points))
     height = _height(state, intersection)
     limits = tie_limits(given, checks, height)
-    turned = misalignment(given, rays, state, len(points), limits) if misaligned else None
-    if turned is not None:
-        given = turned.given
-        state = block_of(
-            frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings()
-        ).approximate_state()
-        intersection = intersect(rays, state, len(points))
-        height = _height(state, intersection)
-        limits = tie_limits(given, checks, height)
+    remarks: list[str] = []
+    for by_control in (False, True) if misaligned else ():
+        if by_control:
+            limit_m = expected_intersections(given, checks, height).limit_m
+            place = _surveyed_places(points, surveyed)
+            turned = misalignment_by_control(given, rays, state, place, limits, limit_m)
+        else:
+            turned = misalignment(given, rays, state, len(points), limits)
+        if turned is not None:
+            remarks.append(turned.sentence)
+            given = turned.given
+            state = block_of(
+                frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings()
+            ).approximate_state()
+            intersection = intersect(rays, state, len(points))
+            height = _height(state, intersection)
+            limits = tie_limits(given, checks, height)
     pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
     residuals = ray_residuals(rays, state, len(points), pixel_size, intersection)
     suspicions = check_orientations(given, rays, state, len(points), limits, residuals)
@@ -192,8 +200,16 @@ def _intersected(
         residual_px,
         height,
         tuple(suspicions),
-        () if turned is None else (turned.sentence,),
+        tuple(remarks),
     )
+
+
+def _surveyed_places(points: tuple[str, ...], surveyed: SurveyedPoints) -> Floats:
+    """Surveyed positions of object points (m, 3), local frame; NaN where a coordinate is not known."""
+    place, row = np.full((len(points), 3), np.nan), places_of(surveyed.name, points)
+    known = np.flatnonzero((row >= 0) & surveyed.complete)
+    place[row[known]] = surveyed.x_in_local[known]
+    return place
 
 
 def _take_surveyed(

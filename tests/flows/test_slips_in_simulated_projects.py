@@ -309,6 +309,68 @@ def test_an_ordinary_misalignment_is_where_the_adjustment_begins(tmp_path: Path,
     assert "free the boresight" in str(outcome.error)
 
 
+HIGH = (
+    "points.count=300", *(f"flight.{k}.height_m=6250" for k in (0, 1)), "flight.1.spacing_m=14000",
+    "flight.0.directions=single", "flight.1.directions=single",
+)  # fmt: skip
+
+
+def test_a_roll_that_only_control_points_show_is_no_wrong_control(tmp_path: Path) -> None:
+    """One strip at 6,000 m, a camera 0.67° off: all 60 surveyed points were called wrong, by 86 m."""
+    high = load_simulation("dmc-20cm", (*HIGH, "truth.boresight_deg=[0.67, 0.0, 0.0]"), 1)
+    project = simulate_project(high, tmp_path).project_file
+    exposures = pd.read_csv(tmp_path / "exposures.csv", dtype=str)
+    exposures = exposures[exposures["strip"] == "E02"]
+    exposures.to_csv(tmp_path / "exposures.csv", index=False)
+    points = pd.read_csv(tmp_path / "image_points.csv", dtype=str)
+    points[points["image"].isin(exposures["image"])].to_csv(tmp_path / "image_points.csv", index=False)
+    free = 'adjustment.free=["boresight"]'
+    outcome = carry_out(adjustment_alone, RunRequest(project, tmp_path / "results", (free,)))
+    assert outcome.error is None, outcome.error
+    (said,) = (text for text in outcome.summary.problems if "misalignment of camera and INS" in text)
+    assert said.startswith(
+        "The control points show a misalignment of camera and INS: camera DMC-120 roll +0.6"
+    )
+    assert re.search(r"otherwise the coordinates are [78]\d m off", said)
+    (roll,) = (item for item in outcome.summary.parameters or () if item.parameter == "boresight_roll")
+    assert roll.value is not None
+    assert roll.sigma is not None
+    assert abs(roll.value - 0.67) < 4.0 * roll.sigma < 0.05
+
+
+@pytest.mark.parametrize(("role", "refused"), [("check", False), ("control", True)])
+def test_a_wrong_image_point_of_a_check_point_is_no_reason_to_refuse(
+    tmp_path: Path, role: str, refused: bool
+) -> None:
+    """A point in two images, 4 mm off along the flight in one of them: a height hundreds of metres off."""
+    project = simulate_project(load_simulation("dmc-20cm", ("points.count=300",), 1), tmp_path).project_file
+    control = pd.read_csv(tmp_path / "control.csv", dtype=str)
+    points = pd.read_csv(tmp_path / "image_points.csv", dtype={"image": str, "point": str})
+    own = points[points["point"].isin(control.loc[control["role"] == role, "point"])]
+    name = own["point"].iloc[0]
+    seen = own[own["point"] == name]
+    points = points.drop(seen.index[2:])
+    points.loc[seen.index[1], "x"] += 4.0
+    points.to_csv(tmp_path / "image_points.csv", index=False)
+    outcome = carry_out(adjustment_alone, RunRequest(project, tmp_path / "results"))
+    assert (outcome.summary.status == "input_error") == refused
+    said = str(outcome.error) if refused else "\n".join(outcome.summary.problems)
+    assert name in said
+    assert "50 m" in said
+
+
+def test_control_points_in_the_wrong_place_are_no_misalignment(tmp_path: Path) -> None:
+    """80 m to the north of where strips of several directions intersect."""
+    simulation = load_simulation("dmc-20cm", (*HIGH, "truth.boresight_deg=[0.0, 0.0, 0.0]"), 1)
+    project = simulate_project(simulation, tmp_path).project_file
+    table = pd.read_csv(tmp_path / "control.csv", dtype={"point": str})
+    table.assign(y=table["y"] + 80.0).to_csv(tmp_path / "control.csv", index=False)
+    free = 'adjustment.free=["boresight", "gnss_shift"]'
+    outcome = carry_out(adjustment_alone, RunRequest(project, tmp_path / "results", (free,)))
+    assert outcome.summary.status == "input_error"
+    assert "more than 50 m is an error" in str(outcome.error)
+
+
 @pytest.fixture(scope="module")
 def with_lever_arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The antenna 0.35 m before, 0.12 m to the left of and 1.20 m above the camera."""
