@@ -134,7 +134,7 @@ def _uncontrolled_words(group: GroupFigure, of_control: Sequence[str]) -> str:
     if group.group == "control_points":
         return (
             f"{words}{such_as}): {some_names(of_control)}. A gross error in {it} may remain undetected or "
-            f"look like a tilt or scale of the control; {was.lower()} not tested for rejection."
+            f"resemble a tilt or scale of the control; {was.lower()} not tested for rejection."
         )
     return f"{words}{such_as}): a gross error in {it} would not be detected. {was} not tested."
 
