@@ -125,7 +125,8 @@ class MeanResponse:
         fields, means = (Sparse(sparse.block_diag(own)) for own in zip(*each, strict=True))
         rows, c = np.concatenate([item.rows for item in sets]), fields.shape[1]
         order = np.argsort(rows)
-        both = Sparse(sparse.hstack([fields, means]))[(2 * order[:, None] + [0, 1]).ravel()]
+        coordinates = (2 * order[:, None] + np.arange(2)).ravel()
+        both = Sparse(sparse.hstack([fields, means]))[coordinates]
         loads = FieldLoads.of(result.system, result.solution, rows[order], both)
         imitated, all_heads = loads.imitated(), len(rows) == len(chosen)
         weight = np.concatenate([item.grid.count.T[item.known] for item in sets]).astype(np.float64)
@@ -165,12 +166,10 @@ class MeanResponse:
 
     def of_known(self, values: Sequence[Floats]) -> Floats:
         """The values (c,) of the known coordinates and cells, of those (k, 2) of all cells of every set."""
-        return np.concatenate(
-            [own.T[item.known] for own, item in zip(values, self.sets, strict=True)]
-        )
+        return np.concatenate([own.T[item.known] for own, item in zip(values, self.sets, strict=True)])
 
     def of_cells(self, values: Floats) -> list[Floats]:
-        """Values (c, …) of the known coordinates and cells as those (k, 2, …) of all of every set; else NaN."""
+        """Values (c, …) of the known coordinates and cells as those (k, 2, …) of all cells; NaN elsewhere."""
         found = list[Floats]()
         for item, part in zip(self.sets, self.parts, strict=True):
             every = np.full((*item.known.shape, *values.shape[1:]), np.nan)
@@ -201,9 +200,7 @@ def _columns(
     return Sparse(sparse.hstack(fields)), Sparse(sparse.hstack(means))
 
 
-def _imitable(
-    result: AdjustmentResult, loads: FieldLoads, parts: Sequence[slice], all_heads: bool
-) -> Floats:
+def _imitable(result: AdjustmentResult, loads: FieldLoads, parts: Sequence[slice], all_heads: bool) -> Floats:
     """Fields (c, p) of length 1 that free parameters of the cameras and a rotation of all images make.
 
     Images of one exposure turn together: heads of a rig with all others.

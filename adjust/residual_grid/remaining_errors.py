@@ -83,7 +83,8 @@ def remaining_errors(
     cells = [0 if field is None else field.cells.count for field in fields]
     if max(cells, default=0) > MOST_CELLS:
         return None
-    of_ray, loads, found = grid_of_image[result.observations.image_points.image], list[FullVectors](), {}
+    of_ray, loads = grid_of_image[result.observations.image_points.image], list[FullVectors]()
+    found: dict[int, tuple[int, _SetErrors]] = {}
     for numbers in together(cells):
         own = {k: (np.flatnonzero(of_ray == k), field) for k in numbers if (field := fields[k]) is not None}
         with one_thread():
@@ -168,9 +169,7 @@ def _of_sets(
     if not sets:
         return None
     response = MeanResponse.of(result, sets, chosen, interpolation)
-    expected, wrong = response.expected(
-        list(fields.values()), [item.grid for item in sets], result.sigma0
-    )
+    expected, wrong = response.expected(list(fields.values()), [item.grid for item in sets], result.sigma0)
     errors = _strongest(
         np.column_stack([expected.root, wrong]), response.imitated, _NEGLECTED * result.sigma0**2
     )
@@ -183,7 +182,7 @@ def _of_sets(
 
 
 def _parts(field: CorrectionField, chosen: Bools, most: int) -> int:
-    """Into how many parts the sides of the cells are divided, as far as residuals (r, 2) and a number allow."""
+    """Into how many parts the sides of the cells are divided: residuals (r, 2) and time allow so many."""
     most = min(most, int(chosen.sum(axis=0).max()) // LEAST_IN_CELL)
     parts = isqrt(most // field.cells.count)
     return max(1, parts - 1 + parts % 2)
@@ -210,7 +209,10 @@ def _finer(
 
 
 def _strongest(root: Floats, imitated: Floats, least: float) -> Floats:
-    """The combinations (c, e) of fields (c, r) that add more than a bound times N⁻¹ to a variance, one at least."""
+    """The combinations (c, e) of fields (c, r) that add more than a bound times N⁻¹ to a variance.
+
+    The strongest stays in any case.
+    """
     strength, combination = linalg.eigh(root.T @ imitated @ root)
     kept = min(int(np.searchsorted(strength, least)), len(strength) - 1)
     return np.asarray(root @ combination[:, kept:])

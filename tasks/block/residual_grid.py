@@ -191,9 +191,7 @@ def _most_cells(cameras: int, settings: ResidualGridSettings) -> int:
     return max(1, min(_MOST_CELLS, isqrt(MOST_TOGETHER // cameras)))
 
 
-def _cells_of(
-    camera: FrameCamera, seams: Seams, count: int, number: int | None, most: int
-) -> FormatCells:
+def _cells_of(camera: FrameCamera, seams: Seams, count: int, number: int | None, most: int) -> FormatCells:
     tiles = max(len(seams.x), len(seams.y)) + 1
     if number is None:
         number = max(tiles, min(most, _number_of_cells(count)))

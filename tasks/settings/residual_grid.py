@@ -17,9 +17,9 @@ class ResidualGridSettings(Settings):
     """Mean residuals of all images of a camera in sub-areas of the image."""
 
     cells: Annotated[Whole, Field(ge=1, le=100)] | None = None
-    """Sub-areas along each side of the image. Default 25, or fewer, so that a sub-area has 25 image points on
-    average, and 700 are enough for several cameras with the method `collocation`. With `file`, those of the file. Seams between CCD images (`tiles` of the camera) are always
-    borders.
+    """Sub-areas along each side of the image. Default 25, or fewer: a sub-area has 25 image points on
+    average, and with the method `collocation` several cameras have at most 700 sub-areas together. With
+    `file`, those of the file. Seams between CCD images (`tiles` of the camera) are always borders.
     """
     file: InputPaths = ()
     """`residual_grid.parquet` of another run, such as the high flight of the same camera: its corrections

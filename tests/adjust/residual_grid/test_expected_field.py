@@ -14,8 +14,8 @@ SEAMS = Seams((-0.02, 0.02), (0.0,))
 
 
 def expected(cells: FormatCells, means: Floats, response: Floats, noise: Floats) -> ExpectedField:
-    c = len(means)
-    return expected_field([Places(cells, np.ones((2, cells.count), dtype=bool))], means, response, noise, np.eye(c))
+    places = Places(cells, np.ones((2, cells.count), dtype=bool))
+    return expected_field([places], means, response, noise, np.eye(len(means)))
 
 
 def drawn(cells: FormatCells, length: float, across: bool, seed: int) -> Floats:

@@ -15,7 +15,7 @@ from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.format_cells import FormatCells
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.image_sets import GridRule, ImageSets
-from adjust.residual_grid.mean_response import MOST_TOGETHER, MeanResponse, SetMeans, known_cells, together
+from adjust.residual_grid.mean_response import MOST_TOGETHER, MeanResponse, SetMeans, together
 from adjust.residual_grid.residual_grid import ResidualGrid
 from adjust.rig import RELATIVE_ROTATION
 from adjust.selection.readjustment import Readjusted
@@ -44,7 +44,7 @@ class TwoHeads:
         )
         start, of_ray = Readjusted.of(result), block.camera_of_image[result.observations.image_points.image]
         own = [
-            SetMeans(np.flatnonzero(of_ray == k), grid, known_cells(CorrectionField(grid.cells, grid.mean), grid))
+            SetMeans(np.flatnonzero(of_ray == k), grid, np.isfinite(grid.mean).T)
             for k, grid in enumerate(grids(sets, start))
         ]
         return cls(sets, start, MeanResponse.of(result, own, controlled(result.groups[0]), "bilinear"))
@@ -58,9 +58,8 @@ class TwoHeads:
 
     def turned(self) -> Floats:
         """What a rotation of all images of the first head about its axis makes of its image coordinates."""
-        return self.response.of_known(
-            [number * item.grid.cells.middles[:, ::-1] * [-1.0, 1.0] for number, item in zip((1.0, 0.0), self.response.sets, strict=True)]
-        )  # fmt: skip
+        first, second = (item.grid.cells.middles[:, ::-1] * [-1.0, 1.0] for item in self.response.sets)
+        return self.response.of_known([first, 0.0 * second])
 
 
 def grids(sets: ImageSets, now: Readjusted) -> list[ResidualGrid]:
