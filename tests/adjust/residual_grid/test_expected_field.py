@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import linalg, optimize
 
 from adjust.arrays import Floats
 from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field
@@ -128,3 +129,55 @@ def test_what_means_do_not_tell_has_a_limit() -> None:
     assert np.isfinite(found.root).all()
     assert found.sigma < 20.0 * float(np.sqrt(np.mean(means**2)))
     np.testing.assert_allclose(found.value, 0.0, atol=1e-9)
+
+
+def correlations(cells: FormatCells) -> list[Floats]:
+    """Correlation matrices (2 k, 2 k) of all fields of a set, written down from the module's text."""
+    side, k = 2.0 * max(HALF), cells.count
+    apart = np.linalg.norm(cells.middles[:, None] - cells.middles, axis=2)
+    found = list[Floats]()
+    for same in (np.ones((k, k)), cells.tile[:, None] == cells.tile)[: 1 + cells.tile.any()]:
+        for length in (0.1, 0.25, 0.6):
+            found.append(np.kron(np.eye(2), same * np.exp(-((apart / side / length) ** 2))))
+    distance = np.linalg.norm(cells.middles, axis=1)
+    relative, outwards = distance / distance.max(), (cells.middles.T / distance).ravel()
+    radial = np.exp(-(((distance[:, None] - distance) / side / 0.25) ** 2)) * np.outer(relative, relative)
+    return [*found, np.outer(outwards, outwards) * np.tile(radial, (2, 2))]
+
+
+def test_of_two_sets_it_is_the_most_probable_of_full_matrices() -> None:
+    random = np.random.default_rng(5)
+    sets = (FormatCells.of(HALF, 4, Seams((0.01,), ())), FormatCells.of(HALF, 2))
+    first, c = 2 * sets[0].count, 2 * (sets[0].count + sets[1].count)
+    each = [linalg.block_diag(own, np.zeros((c - first, c - first))) for own in correlations(sets[0])]
+    each += [linalg.block_diag(np.zeros((first, first)), own) for own in correlations(sets[1])]
+    response = np.eye(c) + 0.05 * random.normal(size=(c, c))
+    noise = linalg.block_diag(0.2 * np.eye(first), 0.3 * np.eye(c - first)) + 0.05
+    signal = each[1] + 2.0 * each[6] + 1.5 * each[-2] + 1e-9 * np.eye(c)
+    true = np.linalg.cholesky(signal) @ random.normal(size=c)
+    means = response @ true + np.linalg.cholesky(noise) @ random.normal(size=c)
+
+    def less(covariance: Floats) -> float:
+        """−2 log of the probability, but for a constant."""
+        of_means = response @ covariance @ response.T + noise
+        return float(np.linalg.slogdet(of_means)[1] + means @ np.linalg.solve(of_means, means))
+
+    def with_variances(logarithms: Floats) -> Floats:
+        return np.asarray(np.tensordot(np.exp(logarithms), each, axes=1))
+
+    most = optimize.minimize(
+        lambda logarithms: less(with_variances(logarithms)), np.zeros(len(each)), method="L-BFGS-B",
+        bounds=[(-14.0, 6.0)] * len(each),
+    )  # fmt: skip
+    covariance = with_variances(most.x)
+    gain = covariance @ response.T @ np.linalg.inv(response @ covariance @ response.T + noise)
+    places = [Places(cells, np.ones((2, cells.count), dtype=bool)) for cells in sets]
+    found = expected_field(places, means, response, noise, np.eye(c))
+    assert found.evidence > 20.0
+    assert found.evidence == pytest.approx(less(np.zeros((c, c))) - most.fun, abs=0.05)
+    left = covariance - gain @ response @ covariance
+    np.testing.assert_allclose(found.value, gain @ means, atol=0.05)
+    np.testing.assert_allclose(found.root @ found.root.T, left, atol=0.05)
+    squares = (gain @ means) ** 2 + np.diagonal(left)
+    assert found.sigma == pytest.approx(np.sqrt(squares.mean()), rel=0.02)
+    assert found.sigma_of(slice(first, c)) == pytest.approx(np.sqrt(squares[first:].mean()), rel=0.02)
