@@ -153,7 +153,7 @@ def test_of_two_sets_it_is_the_most_probable_of_full_matrices() -> None:
     each += [linalg.block_diag(np.zeros((first, first)), own) for own in correlations(sets[1])]
     response = np.eye(c) + 0.05 * random.normal(size=(c, c))
     noise = linalg.block_diag(0.2 * np.eye(first), 0.3 * np.eye(c - first)) + 0.05
-    signal = each[1] + 2.0 * each[6] + 1.5 * each[-2] + 1e-9 * np.eye(c)
+    signal = 3.0 * each[5] + 2.0 * each[6] + 1.5 * each[-2] + 1e-9 * np.eye(c)
     true = np.linalg.cholesky(signal) @ random.normal(size=c)
     means = response @ true + np.linalg.cholesky(noise) @ random.normal(size=c)
 
