@@ -10,8 +10,8 @@ so m + M f, the means without corrections, speak for f* (``expected_field``), wh
 
 **Convention.** A part of f* that free parameters of the cameras, or a rotation of all images, imitate exactly
 is theirs as much as that of the corrections, and nothing that can be seen depends on where it is. Parameters
-are those that belong to the corrections: δ has no such part. What is held is no parameter: image errors that
-look like another focal length, or like another rotation of a head, are as likely as any.
+are those that belong to the corrections: δ has no such part. An interior orientation that is held is exact,
+so that image errors are what comes on top of it; not so of the heads of a rig, which show it of each other.
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ import numpy as np
 from scipy import sparse
 
 from adjust.arrays import Bools, Floats, Ints
+from adjust.parameters import INTERIOR_ORIENTATION
 from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field
 from adjust.residual_grid.field_loads import FieldLoads, Sparse
 from adjust.residual_grid.format_cells import Interpolation
 from adjust.residual_grid.image_correction import CorrectionField
 from adjust.residual_grid.residual_grid import ResidualGrid
 from adjust.result import AdjustmentResult
+from adjust.solve.whitening import standardize
 
 #: Of more sub-areas of a set, and of several sets together, the matrices would not fit.
 MOST_CELLS, MOST_TOGETHER = 1_300, 700
@@ -136,7 +138,12 @@ class MeanResponse:
             (means.T @ fields).toarray() - imitated[c:, :c],
             (means.T @ means).toarray() - imitated[c:, c:],
             imitated[:c, :c],
-            _without(_imitable(result, loads, _parts(sets), all_heads), weight),
+            _without(
+                np.hstack(
+                    [_imitable(result, loads, _parts(sets), all_heads), _interior(result, rows, means)]
+                ),
+                weight,
+            ),
         )
 
     @property
@@ -218,6 +225,29 @@ def _imitable(result: AdjustmentResult, loads: FieldLoads, parts: Sequence[slice
     for own, part in zip(rotations, turning, strict=True):
         own[:, part] = turned[:, part]
     fields = np.vstack([rotations.reshape(-1, c), loads.of_border[:, c:]]).T
+    size = np.sqrt(np.sum(fields**2, axis=0))
+    return np.asarray(fields[:, size > 0.0] / size[size > 0.0])
+
+
+def _interior(result: AdjustmentResult, rows: Ints, means: Sparse[np.float64]) -> Floats:
+    """Fields (c, p) of length 1 that interior orientations make, where no other head shows them.
+
+    Parameters
+    ----------
+    means : Dᵀ (2 r, c) at the image points (r,) of all sets, one after the other.
+    """
+    columns = list[Floats]()
+    camera = result.block.camera_of_image[result.observations.image_points.image[rows]]
+    for number in np.unique(camera) if result.block.rig is None else ():
+        order = np.flatnonzero(camera == number)
+        order = order[np.argsort(rows[order])]
+        rays = result.observations.image_points.only(rows[order])
+        terms = standardize(rays, rays.linearize(result.solution.linearization)).terms
+        (own,) = (term.jacobian for term in terms if term.block == INTERIOR_ORIENTATION)
+        every = np.zeros((len(rows), 2, 3))
+        every[order] = own
+        columns.append(np.asarray(means.T @ every.reshape(-1, 3)))
+    fields = np.hstack([np.zeros((means.shape[1], 0)), *columns])
     size = np.sqrt(np.sum(fields**2, axis=0))
     return np.asarray(fields[:, size > 0.0] / size[size > 0.0])
 
