@@ -42,6 +42,8 @@ _TO_BE_ADOPTED_S = 3600.0
 _TO_CANCEL_S = 120.0
 #: Runs this old are not looked at any more.
 _LOOKING_BACK = timedelta(days=3)
+#: Types of the server's states in which a run may have recorded nothing yet.
+_UNNOTED = ("SCHEDULED", "PENDING", "RUNNING", "CANCELLING", "CANCELLED", "CRASHED")
 #: Types of the server's states in which a run that had started waits, and what is to be said about it.
 _WAITING: Mapping[str, str] = {
     "SCHEDULED": "",
@@ -71,11 +73,11 @@ def reconcile(api: Api, records: Records) -> tuple[RunRecord, ...]:
 
 
 def _adopt(api: Api, records: Records) -> None:
-    """Record runs that wait, or were killed before they could record their beginning."""
+    """Record runs that wait, or were killed or cancelled before they could record their beginning."""
     since = datetime.now(UTC) - _LOOKING_BACK
     found = {
         run.id: run
-        for run in flow_runs_in(api, ("SCHEDULED", "PENDING", "RUNNING", "CRASHED"), since).values()
+        for run in flow_runs_in(api, _UNNOTED, since).values()
         if run.deployed and "project" in run.parameters and (run.end is None or run.age_s < _TO_BE_ADOPTED_S)
     }
     known = {run.id for run in records.runs_with(list(found))}

@@ -228,7 +228,7 @@ def test_the_registry_keeps_results_and_says_what_has_changed(
     shown = call("show", "Sensor")
     assert "From result 1 to result 2" in shown
     assert "Radiometric results of Sensor" in call("list")
-    assert "2 radiometric results" in call("verify")
+    assert "radiometric results: 2" in call("verify")
     # What somebody edits behind its back shows.
     with sqlite3.connect(registry) as connection:
         connection.execute("UPDATE radiometric_results SET content = replace(content, 'Sensor', 'Other')")

@@ -8,11 +8,14 @@ import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from flows.server.watch import died_here, lives_here
+from flows.server.api import Api
+from flows.server.watch import died_here, lives_here, reconcile
 from tasks.files.machine import machine
+from tasks.production.records import Records
 from tasks.production.run_record import RunRecord
 from tests.conftest import Start
 
@@ -53,3 +56,26 @@ def test_a_younger_process_with_its_number_is_not_that_of_a_run(
     run, _process = of_a_runner
     assert run.begun is not None
     assert died_here(replace(run, id="another", begun=run.begun - timedelta(hours=2)))
+
+
+class OneRun(Api):
+    """A server that knows one run of a deployment, in a state of the given type and name."""
+
+    state = ("CANCELLED", "Cancelled")
+
+    def call(self, method: str, path: str, body: Any) -> Any:
+        if path != "/flow_runs/filter":
+            return {"name": "aerial-triangulation"}
+        kind, name = self.state
+        types = body["flow_runs"].get("state", {"type": {"any_": [kind]}})["type"]["any_"]
+        state = {"type": kind, "name": name, "timestamp": datetime.now(UTC).isoformat()}
+        run = {"id": "one", "state": state, "deployment_id": "d", "flow_id": "f"}
+        return [{**run, "parameters": {"project": "/data/block-7/project.toml"}}] if kind in types else []
+
+
+def test_a_run_that_is_cancelled_before_it_notes_its_beginning_is_on_record(tmp_path: Path) -> None:
+    records = Records.at(str(tmp_path / "records.db"))
+    reconcile(OneRun("http://127.0.0.1:9/api"), records)
+    found = records.run("one")
+    assert found is not None
+    assert (found.state, found.project) == ("Cancelled", "block-7")
