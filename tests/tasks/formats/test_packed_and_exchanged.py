@@ -242,9 +242,18 @@ def test_orientations_of_micmac_are_those_of_a_published_pair(tmp_path):
     assert found.position.tolist() == [[10.5, 20.25, 900.0]]
 
 
-def test_the_distortion_of_micmac_leads_from_ideal_to_measured_points(tmp_path):
-    """As the checks `Verif` of published orientations, which MicMac itself computed, to 1e-9 px."""
-    text = small.CALIBRATION.replace("<P2>0</P2>", "<P2>-2e-6</P2><b1>1e-4</b1><b2>2e-4</b2>")
+@pytest.mark.parametrize(
+    ("centre", "b1", "b2", "limit_px"),
+    [
+        ((51.5, 39.0), 0.0, 0.0, 1e-6),
+        # Brown's terms about the principal point do not say quite the same about another centre.
+        ((50.0, 40.0), 1e-4, 2e-4, 2e-3),
+    ],
+)
+def test_the_distortion_of_micmac_leads_from_ideal_to_measured_points(tmp_path, centre, b1, b2, limit_px):
+    p2 = -2e-6
+    text = small.CALIBRATION.replace("<P2>0</P2>", f"<P2>{p2}</P2><b1>{b1}</b1><b2>{b2}</b2>")
+    text = text.replace("<CDist>50 40</CDist>", "<CDist>{} {}</CDist>".format(*centre))
     (camera,) = read_micmac_cameras(saved(tmp_path, text, "AutoCal.xml")).values()
     assert (camera.columns, camera.rows, camera.focal_length_px) == (100, 80, 200.0)
     assert camera.principal_point_px == (1.5, 1.0)
@@ -252,19 +261,19 @@ def test_the_distortion_of_micmac_leads_from_ideal_to_measured_points(tmp_path):
     image_format = ImageFormat(250e-6, 200e-6, focal_length=200 * 5e-6)
     wanted = additional_parameters("+".join(f"brown-forward:{name}" for name in values), image_format)
     # An ideal pixel, distorted by hand.
-    x, y = np.array([88.0, 12.0]) - [50.0, 40.0]
+    x, y = np.array([88.0, 12.0]) - centre
     square = x * x + y * y
     radial = 1e-5 * square + 2e-13 * square**2
     measured = [
-        88.0 + x * radial + 1e-6 * (square + 2 * x * x) - 4e-6 * x * y + 1e-4 * x + 2e-4 * y,
-        12.0 + y * radial - 2e-6 * (square + 2 * y * y) + 2e-6 * x * y,
+        88.0 + x * radial + 1e-6 * (square + 2 * x * x) + 2 * p2 * x * y + b1 * x + b2 * y,
+        12.0 + y * radial + p2 * (square + 2 * y * y) + 2e-6 * x * y,
     ]
     target = (np.array([88.0, 12.0]) - [51.5, 39.0]) * [5e-6, -5e-6]
     known = np.array([values[name.split(":")[1]] for name in wanted.names])
     found, good = measured_from_ideal(wanted, known, target[None])
     assert good.all()
     back = found[0] / [5e-6, -5e-6] + [51.5, 39.0]
-    np.testing.assert_allclose(back, measured, atol=2e-3)
+    np.testing.assert_allclose(back, measured, rtol=0.0, atol=limit_px)
     assert abs(measured[0] - 88.0) > 0.5
 
 
