@@ -10,8 +10,10 @@ so m + M f, the means without corrections, speak for f* (``expected_field``), wh
 
 **Convention.** A part of f* that free parameters of the cameras, or a rotation of all images, imitate exactly
 is theirs as much as that of the corrections, and nothing that can be seen depends on where it is. Parameters
-are those that belong to the corrections: δ has no such part. An interior orientation that is held is exact,
-so that image errors are what comes on top of it; not so of the heads of a rig, which show it of each other.
+are those that belong to the corrections: δ has no such part. What they imitate not quite, the means show,
+and it stays in δ: a rotation of all images that is not that of its heads, for example, because they are a few
+centimetres from its centre. An interior orientation that is held is exact, so that image errors are what
+comes on top of it; not so of the heads of a rig, which show it of each other.
 """
 
 from __future__ import annotations
@@ -22,11 +24,11 @@ from itertools import pairwise
 from typing import Self
 
 import numpy as np
-from scipy import sparse
+from scipy import linalg, sparse
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.parameters import INTERIOR_ORIENTATION
-from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field
+from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field, noise_root
 from adjust.residual_grid.field_loads import FieldLoads, Sparse
 from adjust.residual_grid.format_cells import Interpolation
 from adjust.residual_grid.image_correction import CorrectionField
@@ -38,6 +40,8 @@ from adjust.solve.whitening import standardize
 MOST_CELLS, MOST_TOGETHER = 1_300, 700
 # Singular values of fields, of the largest, that are not told from each other.
 _ALIKE = 1e-6
+# χ² of what the means show of a field of their own size that counts as imitated exactly.
+_HIDDEN = 1.0
 
 
 def known_cells(field: CorrectionField, grid: ResidualGrid) -> Bools:
@@ -98,7 +102,8 @@ class MeanResponse:
     matrix : (c, c) M.
     noise : (c, c) V for σ0 = 1, m².
     imitated : (c, c) EᵀP A N⁻¹ AᵀP E: what no residual shows of a field.
-    contained : (c, c) projection of any field onto what δ can contain.
+    imitable : (c, p) fields that free parameters make, and a rotation of all images.
+    held : (c, h) fields that interior orientations make which are held as exact.
     """
 
     sets: tuple[SetMeans, ...]
@@ -106,7 +111,8 @@ class MeanResponse:
     matrix: Floats
     noise: Floats
     imitated: Floats
-    contained: Floats
+    imitable: Floats
+    held: Floats
 
     @classmethod
     def of(
@@ -131,19 +137,14 @@ class MeanResponse:
         both = Sparse(sparse.hstack([fields, means]))[coordinates]
         loads = FieldLoads.of(result.system, result.solution, rows[order], both)
         imitated, all_heads = loads.imitated(), len(rows) == len(chosen)
-        weight = np.concatenate([item.grid.count.T[item.known] for item in sets]).astype(np.float64)
         return cls(
             tuple(sets),
             loads,
             (means.T @ fields).toarray() - imitated[c:, :c],
             (means.T @ means).toarray() - imitated[c:, c:],
             imitated[:c, :c],
-            _without(
-                np.hstack(
-                    [_imitable(result, loads, _parts(sets), all_heads), _interior(result, rows, means)]
-                ),
-                weight,
-            ),
+            _imitable(result, loads, _parts(sets), all_heads),
+            _interior(result, rows, means),
         )
 
     @property
@@ -161,15 +162,28 @@ class MeanResponse:
         fields : the corrections of every set.
         left : the mean residuals with them.
         """
-        correction = self.of_known([field.value for field in fields])
-        expected = expected_field(
-            [item.places for item in self.sets],
-            self.of_known([grid.mean for grid in left]) + self.matrix @ correction,
-            self.matrix,
-            sigma0**2 * self.noise,
-            self.contained,
-        )
-        return expected, self.contained @ correction - expected.value
+        correction, noise = self.of_known([field.value for field in fields]), sigma0**2 * self.noise
+        means = self.of_known([grid.mean for grid in left]) + self.matrix @ correction
+        contained = self.contained(float(np.mean(means**2)), noise)
+        places = [item.places for item in self.sets]
+        expected = expected_field(places, means, self.matrix, noise, contained)
+        return expected, contained @ correction - expected.value
+
+    def contained(self, size: float, noise: Floats) -> Floats:
+        """The projection (c, c) of any field onto what δ can contain.
+
+        Parameters
+        ----------
+        size : mean square of the means without corrections, m².
+        noise : (c, c) covariance of theirs, m².
+        """
+        weight = np.concatenate([item.grid.count.T[item.known] for item in self.sets]).astype(np.float64)
+        fields = _span(self.imitable, weight)
+        shown = linalg.solve_triangular(noise_root(noise), self.matrix @ fields, lower=True)
+        visible, combination = linalg.eigh(shown.T @ shown)
+        hidden = combination[:, visible * weight.sum() * size < _HIDDEN]
+        own = _span(np.hstack([fields @ hidden, self.held]), weight)
+        return np.asarray(np.eye(len(weight)) - own @ (own * weight[:, None]).T)
 
     def of_known(self, values: Sequence[Floats]) -> Floats:
         """The values (c,) of the known coordinates and cells, of those (k, 2) of all cells of every set."""
@@ -252,9 +266,8 @@ def _interior(result: AdjustmentResult, rows: Ints, means: Sparse[np.float64]) -
     return np.asarray(fields[:, size > 0.0] / size[size > 0.0])
 
 
-def _without(imitable: Floats, weight: Floats) -> Floats:
-    """The projection (c, c) that takes off a field (c,) what others (c, p) explain, with weights (c,)."""
+def _span(fields: Floats, weight: Floats) -> Floats:
+    """Fields (c, q) that span others (c, p), orthogonal and of length 1 with weights (c,)."""
     root = np.sqrt(weight)[:, None]
-    directions, values, _ = np.linalg.svd(root * imitable, full_matrices=False)
-    directions = directions[:, values > _ALIKE * values.max(initial=0.0)]
-    return np.asarray(np.eye(len(weight)) - (directions / root) @ (directions * root).T)
+    directions, values, _ = np.linalg.svd(root * fields, full_matrices=False)
+    return np.asarray(directions[:, values > _ALIKE * values.max(initial=0.0)] / root)

@@ -40,28 +40,19 @@ def stopped_because(iteration: GridIterationFigure) -> str:
     return _REASONS[iteration.reason]
 
 
-def residual_grid_sentences(
-    grid: ResidualGridFigure, autocorrelation: pd.DataFrame, of_rig: bool = False
-) -> Iterator[str]:
+def residual_grid_sentences(grid: ResidualGridFigure, autocorrelation: pd.DataFrame) -> Iterator[str]:
     """What was corrected, what is left, and correlated neighbours.
 
     Parameters
     ----------
     autocorrelation : residual_autocorrelation.parquet.
-    of_rig : whether the cameras are heads of a rig.
     """
     is_by_means = grid.iteration is not None and grid.iteration.method == "means"
     if grid.iteration is not None:
         yield _corrected(grid.iteration)
-        if of_rig and grid.iteration.taken and not is_by_means:
-            yield (
-                "The cameras are heads of a rig: in simulated rigs the standard deviations after corrections "
-                "by collocation were too small by a factor of up to 3. Compare with check points, or with "
-                'adjustment.residual_grid.method = "means".'
-            )
     if grid.remaining is not None:
         yield from _remaining(grid.remaining, grid.cameras, grid.iteration)
-        if grid.remaining.heights > _MUCH and is_by_means and not of_rig:
+        if grid.remaining.heights > _MUCH and is_by_means:
             yield (
                 "Corrections that are estimated through the normal equations usually leave much less: set "
                 'adjustment.residual_grid.method = "collocation".'

@@ -51,12 +51,10 @@ def write_remarks(
     rejecting = figures.critical_value is not None
     findings = model_findings(read_table(model_alternatives), rejecting=rejecting)
     distances, neighbours = read_table(distance_residuals), read_table(residual_autocorrelation)
-    moments = figures.shared_moments
-    of_rig = moments is not None and moments.heads is not None
     said = (
         *_of_tests(figures, summary, distances, findings),
         *_of_adjustment(figures, summary),
-        *residual_grid_sentences(figures.residual_grid, neighbours, of_rig),
+        *residual_grid_sentences(figures.residual_grid, neighbours),
         *(trust_map_sentences(figures.trust_map_grid) if "trust_map_grid" in written else ()),
     )
     own: dict[str, JSON] = {"model_findings": [item.to_json() for item in findings]}

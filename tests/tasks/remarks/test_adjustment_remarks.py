@@ -367,18 +367,6 @@ def test_a_correction_is_said_with_what_it_did_to_sigma0() -> None:
     assert "corrected 2 times by their mean residuals, which changed σ0 from 1.250 to 1.050; " in sentence
 
 
-@pytest.mark.parametrize("method", ["means", "collocation"])
-def test_corrections_of_a_rig_by_collocation_are_to_be_compared(method: str) -> None:
-    step = GridStepFigure(number=0, sigma0=1.2, rms_um=0.3, noise_um=0.2)
-    iteration = GridIterationFigure(taken=1, reason="settled", gain=0.1, steps=(step, step), method=method)
-    no_pairs = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
-    figure = ResidualGridFigure(iteration=iteration, remaining=CorrectionErrorsFigure(heights=5.0))
-    alone, of_rig = (" ".join(residual_grid_sentences(figure, no_pairs, of_rig)) for of_rig in (False, True))
-    doubt, advice = "heads of a rig", 'method = "collocation"'
-    assert (doubt in alone, doubt in of_rig) == (False, method == "collocation")
-    assert (advice in alone, advice in of_rig) == (method == "means", False)
-
-
 def test_corrections_by_mean_residuals_say_whether_sigmas_contain_what_they_leave() -> None:
     steps = tuple(GridStepFigure(number=k, sigma0=1.2 - 0.2 * k, rms_um=0.3, noise_um=0.2) for k in range(2))
     no_pairs = pd.DataFrame({"camera": [], "distance_to_mm": [], "correlation": [], "correlated": []})
