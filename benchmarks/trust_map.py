@@ -74,7 +74,7 @@ def main(file: str) -> None:
         """Twice in all: what is compiled or loaded on the first call is no part of the time."""
         result = timed("adjustment", lambda: adjust_block(block, observations, options))
         ground = cells_over(result.state.object_point[result.active_point], cells)
-        sight = timed("images of cells", lambda: sight_of(block, result.state, ground))
+        sight = timed("images of cells", lambda: sight_of(block, result.state, ground.x_in_local))
         seen = np.flatnonzero(sight.rays >= 2)
         chosen = seen[:: -(-len(seen) // _SOLVED_FOR)]
         solution = timed("joint solution", lambda: joint_solution(result, sight))

@@ -27,12 +27,6 @@ class GroundCells:
     local_from_axes: Floats
     neighbour: Ints
 
-    def only(self, chosen: Bools) -> GroundCells:
-        """Some of the cells (m,); those whose neighbour is none of them have none."""
-        place = np.where(chosen, np.cumsum(chosen) - 1, -1)
-        neighbour = np.where(self.neighbour >= 0, place[self.neighbour], -1)
-        return GroundCells(self.x_in_local[chosen], self.local_from_axes[chosen], neighbour[chosen])
-
 
 @dataclass(frozen=True, eq=False)
 class Sight:
@@ -61,6 +55,11 @@ class Sight:
         cell, event = np.divmod(np.unique(cell * events + event_of_image[self.image]), events)
         return Sight(np.searchsorted(cell, np.arange(cells + 1)).astype(np.int64), event)
 
+    def where(self, chosen: Bools) -> Sight:
+        """That of some cells (m,)."""
+        rays = self.rays
+        return Sight(np.append(0, np.cumsum(rays[chosen])), self.image[np.repeat(chosen, rays)])
+
     def only(self, chosen: Ints) -> Sight:
         """That of some cells (k,), in their order."""
         count = self.rays[chosen]
@@ -70,8 +69,8 @@ class Sight:
         )
 
 
-def sight_of(block: Block, state: State, cells: GroundCells) -> Sight:
-    """The images in whose format each cell lies.
+def sight_of(block: Block, state: State, x_in_local: Floats) -> Sight:
+    """The images in whose format each of the places (m, 3) in the local frame lies.
 
     Formats are taken without distortion, and nothing on the ground hides anything.
     """
@@ -79,4 +78,4 @@ def sight_of(block: Block, state: State, cells: GroundCells) -> Sight:
     half_format = np.array([camera.half_format for camera in block.cameras])[block.camera_of_image]
     pictures = state.pictures
     images = ImageGeometry(pictures.projection_centre, pictures.local_from_camera, interior, half_format)
-    return Sight(*images_of_points(images, cells.x_in_local))
+    return Sight(*images_of_points(images, x_in_local))

@@ -238,12 +238,13 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
     if cells is None:
         return None
     result = adjusted.result
-    ground = cells.ground(adjusted)
-    sight = sight_of(adjusted.block, result.state, ground)
+    places = local_from_map(adjusted.map_frame, adjusted.frame, cells.x_in_map)
+    sight = sight_of(adjusted.block, result.state, places)
     seen = _seen(sight, result.block.rig)
     if not seen.any():
         return None
-    cells, ground, sight = cells.only(seen), ground.only(seen), sight.only(np.flatnonzero(seen))
+    cells, sight = cells.only(seen), sight.where(seen)
+    ground = cells.ground(adjusted)
     sigma = new_sigma(adjusted, settings)
     solution = joint_solution(result, sight)
     measurement = NewMeasurement(sigma, adjusted.sigma0)

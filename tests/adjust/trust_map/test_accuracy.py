@@ -66,7 +66,7 @@ class Mapped:
         options = AdjustmentOptions()
         result = adjust_block(scene.block, scene.observations, options)
         cells = turned(cells_over(scene.truth.object_point, 9, 7))
-        sight = sight_of(scene.block, result.state, cells)
+        sight = sight_of(scene.block, result.state, cells.x_in_local)
         solution = joint_solution(result, sight)
         others = result.cofactor.considered, corrections
         accuracy = cell_accuracy(solution, cells, sight, MEASURED, *others)

@@ -78,7 +78,7 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
     )
     result = adjust_block(scene.block, scene.observations)
     cells = turned(cells_over(scene.truth.object_point, 5, 5))
-    sight = sight_of(scene.block, result.state, cells)
+    sight = sight_of(scene.block, result.state, cells.x_in_local)
     solution = joint_solution(result, sight)
     chosen = np.flatnonzero(sight.rays >= 3)[::3]
     found = block_errors(solution, result, cells, sight, chosen)
@@ -103,7 +103,7 @@ def test_distances_are_not_counted() -> None:
     scene = two_strips(free={INTERIOR_ORIENTATION: [[True, False, False]]}, distances=4)
     result = adjust_block(scene.block, scene.observations)
     cells = turned(cells_over(scene.truth.object_point, 5, 5))
-    sight = sight_of(scene.block, result.state, cells)
+    sight = sight_of(scene.block, result.state, cells.x_in_local)
     solution = joint_solution(result, sight)
     chosen = np.flatnonzero(sight.rays >= 3)[::3]
     of_distances = [isinstance(group, Distances) for group in (None, *result.system.observations.others)]
@@ -131,7 +131,7 @@ def test_the_largest_effect_of_an_image_point_is_that_of_an_adjustment_with_the_
     )
     result = adjust_block(scene.block, scene.observations)
     cells = turned(cells_over(scene.truth.object_point, 5, 5))
-    sight = sight_of(scene.block, result.state, cells)
+    sight = sight_of(scene.block, result.state, cells.x_in_local)
     solution = joint_solution(result, sight)
     chosen = np.flatnonzero(sight.rays == sight.rays.max())[:3]
     found = block_errors(solution, result, cells, sight, chosen)

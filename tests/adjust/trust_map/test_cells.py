@@ -1,18 +1,17 @@
-"""Ground cells."""
+"""Which images see which cells."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from adjust.trust_map.cells import GroundCells
+from adjust.trust_map.cells import Sight
 
 
-def test_cells_that_are_left_keep_their_neighbours_among_them() -> None:
-    x = np.arange(15.0).reshape(5, 3)
-    axes = np.arange(45.0).reshape(5, 3, 3)
-    of_row = GroundCells(x, axes, np.array([1, 2, -1, 4, -1]))
-    chosen = np.array([False, True, True, True, False])
-    left = of_row.only(chosen)
-    assert left.neighbour.tolist() == [1, -1, -1]
-    np.testing.assert_array_equal(left.x_in_local, x[1:4])
-    np.testing.assert_array_equal(left.local_from_axes, axes[1:4])
+def test_cells_that_are_left_keep_their_images() -> None:
+    sight = Sight(np.array([0, 2, 2, 5, 6]), np.array([3, 4, 0, 1, 2, 7]))
+    left = sight.where(np.array([True, True, False, True]))
+    assert left.start.tolist() == [0, 2, 2, 3]
+    assert left.image.tolist() == [3, 4, 7]
+    same = sight.only(np.array([0, 1, 3]))
+    np.testing.assert_array_equal(left.start, same.start)
+    np.testing.assert_array_equal(left.image, same.image)

@@ -96,7 +96,7 @@ class Trials:
         cells = neighbours_on_the_ground(simulated)
         block = simulated.block(case.free)
         result = adjust_block(block, simulated.observations(block, case.without))
-        sight = sight_of(block, simulated.true_state(), cells)
+        sight = sight_of(block, simulated.true_state(), cells.x_in_local)
         solution = joint_solution(result, sight)
         accuracy = cell_accuracy(solution, cells, sight, NewMeasurement(SIGMA, 1.0))
         common = in_common_images(sight)

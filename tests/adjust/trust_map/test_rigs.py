@@ -44,7 +44,7 @@ class Mapped:
         self.observations = self.simulated.observations(self.block)
         self.result: AdjustmentResult = adjust_block(self.block, self.observations)
         self.cells: GroundCells = cells_over(self.simulated.true_state().object_point, 9, 7)
-        self.sight: Sight = sight_of(self.block, self.result.state, self.cells)
+        self.sight: Sight = sight_of(self.block, self.result.state, self.cells.x_in_local)
         self.solution: JointSolution = joint_solution(self.result, self.sight)
         self.accuracy: CellAccuracy = cell_accuracy(self.solution, self.cells, self.sight, MEASURED)
         normal, _ = full_normals(design_matrix(self.result.system, self.result.state))
@@ -152,7 +152,7 @@ def test_one_head_alone_has_the_trust_map_of_the_single_camera() -> None:
     for one in (scene, every_image_an_event(scene)):
         result = adjust_block(one.block, one.observations)
         cells = cells_over(scene.truth.object_point, 7, 6)
-        sight = sight_of(one.block, result.state, cells)
+        sight = sight_of(one.block, result.state, cells.x_in_local)
         solution = joint_solution(result, sight)
         accuracy = cell_accuracy(solution, cells, sight, MEASURED)
         errors = block_errors(solution, result, cells, sight, np.flatnonzero(sight.rays >= 3)[::3])

@@ -27,7 +27,7 @@ def trust_map(scene: Scene, threads: int) -> list[Floats]:
     options = AdjustmentOptions(threads=threads)
     result = adjust_block(scene.block, scene.observations, options)
     cells = cells_over(scene.truth.object_point, 40, 30)
-    sight = sight_of(scene.block, result.state, cells)
+    sight = sight_of(scene.block, result.state, cells.x_in_local)
     solution = joint_solution(result, sight)
     found = cell_accuracy(solution, cells, sight, NewMeasurement(3e-6, 1.3))
     errors = block_errors(solution, result, cells, sight, np.flatnonzero(sight.rays >= 3)[::50])

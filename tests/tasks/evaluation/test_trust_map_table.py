@@ -61,7 +61,7 @@ def test_every_column_is_what_is_computed_of_its_cell(adjusted: AdjustedBlock, t
         np.array(neighbour),
     )
     result = adjusted.result
-    sight = sight_of(adjusted.block, result.state, cells)
+    sight = sight_of(adjusted.block, result.state, cells.x_in_local)
     np.testing.assert_array_equal(table["rays"], sight.rays)
     solution = joint_solution(result, sight)
     # Of all rays alike, and with the σ0 of the adjustment.
