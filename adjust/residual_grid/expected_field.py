@@ -107,7 +107,7 @@ def expected_field(
     nothing = ExpectedField(0.0, np.zeros(c), np.zeros((c, 0)))
     if not roots:
         return nothing
-    lower = noise_root(noise)
+    lower = np.linalg.cholesky(noise + _FLOOR * np.mean(np.diagonal(noise)) * np.eye(c))
     observed, through = (linalg.solve_triangular(lower, item, lower=True) for item in (means, response))
     shown = [through @ root for root in roots]
     variance, evidence = _variances(shown, observed, _LARGEST * float(np.mean(means**2)))
@@ -120,11 +120,6 @@ def expected_field(
     half, told = (linalg.solve_triangular(lower, item, lower=True) for item in (root.T, visible.T @ observed))
     value, left = half.T @ told, half.T
     return ExpectedField(evidence, value, left)
-
-
-def noise_root(noise: Floats) -> Floats:
-    """Lower root (c, c) of the covariance (c, c) of means, with something for what the unknowns imitate."""
-    return np.asarray(np.linalg.cholesky(noise + _FLOOR * np.mean(np.diagonal(noise)) * np.eye(len(noise))))
 
 
 def _roots(places: Places) -> list[Floats]:

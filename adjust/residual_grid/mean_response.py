@@ -24,11 +24,11 @@ from itertools import pairwise
 from typing import Self
 
 import numpy as np
-from scipy import linalg, sparse
+from scipy import sparse
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.parameters import INTERIOR_ORIENTATION
-from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field, noise_root
+from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field
 from adjust.residual_grid.field_loads import FieldLoads, Sparse
 from adjust.residual_grid.format_cells import Interpolation
 from adjust.residual_grid.image_correction import CorrectionField
@@ -40,8 +40,10 @@ from adjust.solve.whitening import standardize
 MOST_CELLS, MOST_TOGETHER = 1_300, 700
 # Singular values of fields, of the largest, that are not told from each other.
 _ALIKE = 1e-6
-# χ² of what the means show of a field of their own size that counts as imitated exactly.
-_HIDDEN = 1.0
+# Part of a field that the means show, up to which it counts as imitated exactly. Coarse sub-areas leave up to
+# 0.08 (3 × 3) or 0.013 (9 × 9) of interior orientations, rotations and additional parameters; of a
+# synchronisation offset that a rotation nearly imitates the means show 0.14 and more.
+_HIDDEN = 0.1
 
 
 def known_cells(field: CorrectionField, grid: ResidualGrid) -> Bools:
@@ -102,8 +104,7 @@ class MeanResponse:
     matrix : (c, c) M.
     noise : (c, c) V for σ0 = 1, m².
     imitated : (c, c) EᵀP A N⁻¹ AᵀP E: what no residual shows of a field.
-    imitable : (c, p) fields that free parameters make, and a rotation of all images.
-    held : (c, h) fields that interior orientations make which are held as exact.
+    contained : (c, c) projection of any field onto what δ can contain.
     """
 
     sets: tuple[SetMeans, ...]
@@ -111,8 +112,7 @@ class MeanResponse:
     matrix: Floats
     noise: Floats
     imitated: Floats
-    imitable: Floats
-    held: Floats
+    contained: Floats
 
     @classmethod
     def of(
@@ -137,14 +137,17 @@ class MeanResponse:
         both = Sparse(sparse.hstack([fields, means]))[coordinates]
         loads = FieldLoads.of(result.system, result.solution, rows[order], both)
         imitated, all_heads = loads.imitated(), len(rows) == len(chosen)
+        matrix = (means.T @ fields).toarray() - imitated[c:, :c]
+        weight = np.concatenate([item.grid.count.T[item.known] for item in sets]).astype(np.float64)
+        hidden = _hidden(_imitable(result, loads, _parts(sets), all_heads), matrix, weight)
+        own = _span(np.hstack([hidden, _interior(result, rows, means)]), weight)
         return cls(
             tuple(sets),
             loads,
-            (means.T @ fields).toarray() - imitated[c:, :c],
+            matrix,
             (means.T @ means).toarray() - imitated[c:, c:],
             imitated[:c, :c],
-            _imitable(result, loads, _parts(sets), all_heads),
-            _interior(result, rows, means),
+            np.asarray(np.eye(c) - own @ (own * weight[:, None]).T),
         )
 
     @property
@@ -162,28 +165,15 @@ class MeanResponse:
         fields : the corrections of every set.
         left : the mean residuals with them.
         """
-        correction, noise = self.of_known([field.value for field in fields]), sigma0**2 * self.noise
-        means = self.of_known([grid.mean for grid in left]) + self.matrix @ correction
-        contained = self.contained(float(np.mean(means**2)), noise)
-        places = [item.places for item in self.sets]
-        expected = expected_field(places, means, self.matrix, noise, contained)
-        return expected, contained @ correction - expected.value
-
-    def contained(self, size: float, noise: Floats) -> Floats:
-        """The projection (c, c) of any field onto what δ can contain.
-
-        Parameters
-        ----------
-        size : mean square of the means without corrections, m².
-        noise : (c, c) covariance of theirs, m².
-        """
-        weight = np.concatenate([item.grid.count.T[item.known] for item in self.sets]).astype(np.float64)
-        fields = _span(self.imitable, weight)
-        shown = linalg.solve_triangular(noise_root(noise), self.matrix @ fields, lower=True)
-        visible, combination = linalg.eigh(shown.T @ shown)
-        hidden = combination[:, visible * weight.sum() * size < _HIDDEN]
-        own = _span(np.hstack([fields @ hidden, self.held]), weight)
-        return np.asarray(np.eye(len(weight)) - own @ (own * weight[:, None]).T)
+        correction = self.of_known([field.value for field in fields])
+        expected = expected_field(
+            [item.places for item in self.sets],
+            self.of_known([grid.mean for grid in left]) + self.matrix @ correction,
+            self.matrix,
+            sigma0**2 * self.noise,
+            self.contained,
+        )
+        return expected, self.contained @ correction - expected.value
 
     def of_known(self, values: Sequence[Floats]) -> Floats:
         """The values (c,) of the known coordinates and cells, of those (k, 2) of all cells of every set."""
@@ -264,6 +254,15 @@ def _interior(result: AdjustmentResult, rows: Ints, means: Sparse[np.float64]) -
     fields = np.hstack([np.zeros((means.shape[1], 0)), *columns])
     size = np.sqrt(np.sum(fields**2, axis=0))
     return np.asarray(fields[:, size > 0.0] / size[size > 0.0])
+
+
+def _hidden(fields: Floats, matrix: Floats, weight: Floats) -> Floats:
+    """Those combinations (c, q) of fields (c, p) that means hardly show, with weights (c,)."""
+    fields = _span(fields, weight)
+    # Between 0 and 1, as those of M: residuals are a projection of errors.
+    shown = (fields * weight[:, None]).T @ matrix @ fields
+    part, combination = np.linalg.eigh(0.5 * (shown + shown.T))
+    return np.asarray(fields @ combination[:, part < _HIDDEN])
 
 
 def _span(fields: Floats, weight: Floats) -> Floats:

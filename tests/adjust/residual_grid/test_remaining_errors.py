@@ -16,7 +16,7 @@ from adjust.quality.control_checks import ControlCheck
 from adjust.quality.correction_errors import CorrectionErrors
 from adjust.residual_grid import remaining_errors as remaining_errors_module
 from adjust.residual_grid.controlled_residuals import controlled
-from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field, noise_root
+from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field
 from adjust.residual_grid.format_cells import FormatCells
 from adjust.residual_grid.image_correction import CorrectionField, corrected
 from adjust.residual_grid.image_sets import GridRule
@@ -133,11 +133,11 @@ class Dense:
         held = of_interior.reshape(2 * n, 3) * weight[:, None] * (result.block.rig is None)
         root = np.sqrt(count.T[known.T])[:, None]
         without = left + response @ correction
-        # Combinations of what free parameters make that the means do not show.
+        # Combinations of what free parameters make that the means hardly show.
         free = linalg.orth(root * (means @ np.column_stack([a[:, self.border], turned]))) / root
-        shown = np.linalg.solve(noise_root(noise), response @ free)
-        visible, combination = np.linalg.eigh(shown.T @ shown)
-        hidden = free @ combination[:, visible * np.sum(root**2) * np.mean(without**2) < 1.0]
+        shown = free.T @ (root**2 * (response @ free))
+        part, combination = np.linalg.eigh((shown + shown.T) / 2.0)
+        hidden = free @ combination[:, part < 0.1]
         imitable = np.column_stack([hidden, means @ held])
         self.contained = np.eye(len(places)) - imitable @ np.linalg.pinv(root * imitable, rcond=1e-8) * root.T
         self.expected: ExpectedField = expected_field(
