@@ -16,7 +16,12 @@ from pathlib import Path
 import pyarrow as pa
 
 from tasks.errors import InputError, Location
-from tasks.formats.foreign_headings import declaration, mapped_names, refuse_other_separator
+from tasks.formats.foreign_headings import (
+    OF_THE_FILE,
+    declaration,
+    mapped_names,
+    refuse_other_separator,
+)
 from tasks.formats.table_layout import MARKS, TableLayout
 from tasks.formats.text_lines import DeliveredLines
 from tasks.formats.text_rows import Layout
@@ -72,11 +77,12 @@ def _columns(
     first = next(rows, b"")
     known = [name for name in (*required, *optional) if name not in layout.columns]
     names = mapped_names(fields, layout, (*required, *optional), text.file, line)
-    names = [name if name in layout.columns else _recognised(name, known) for name in names]
+    as_is = {*layout.columns, *layout.unused}
+    names = [name if name in as_is else _recognised(name, known) for name in names]
     needed = [name for name in required if name not in layout.elsewhere]
     refuse_other_separator(fields, needed, layout, first, text.file, line)
     _check_columns(names, needed, optional, text.file, line, layout)
-    watched = [name for name in names if name not in layout.unused]
+    watched = [name for name in names if name.removesuffix(OF_THE_FILE) not in layout.unused]
     _refuse_near_misses(watched, required, optional, text.file, line)
     return line + layout.header, names, chain([first] if first else [], rows)
 

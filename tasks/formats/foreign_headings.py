@@ -48,6 +48,8 @@ _INSTEAD = {
     "camera": 'camera = "NAME"',
     "strip": 'strip = "time-gaps" (or strip = { pattern = "{strip}_*" })',
 }
+#: Behind a heading of ours that the project file declares to be something else.
+OF_THE_FILE = " of the file"
 _NUMBERS_WITH_COMMA = re.compile(r"\d,\d")
 
 
@@ -86,13 +88,17 @@ def mapped_names(
                 f"columns declares the same column, {quoted(str(theirs))}, twice.", "Keep one of them."
             )
         names[places[0]] = ours
-    # What is declared to be another column is not this one, whatever its heading.
-    taken = set(layout.columns)
+    absent = next((heading for heading in layout.unused if heading not in fields), None)
+    if absent is not None:
+        raise Location(path, line).error(
+            f"unused declares {quoted(absent)}, but that column is not in the file.",
+            did_you_mean(absent, fields),
+        )
+    # What is declared to be another column, or to be unused, is not this one, whatever its heading.
+    taken = {*layout.columns, *layout.unused} & set(known)
     return [
-        name
-        if name != field_ or name not in taken or layout.columns[name] == field_
-        else f"{name} of the file"
-        for name, field_ in zip(names, fields, strict=True)
+        f"{name}{OF_THE_FILE}" if name == heading and name in taken and layout.columns.get(name) != name else name
+        for name, heading in zip(names, fields, strict=True)
     ]
 
 

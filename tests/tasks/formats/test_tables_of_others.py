@@ -113,6 +113,25 @@ def test_a_heading_like_ours_can_be_declared_unused(file):
     assert read_csv_control(path, TableLayout(columns={"sx": "sigma_east"})).sigma[0, 0] == 0.1
 
 
+def test_a_heading_of_ours_that_is_declared_unused_is_not_read(file):
+    path = file("point,x,y,z,role,Std X\nA,1,2,3,check,0.1\n")
+    assert read_csv_control(path).role.to_pylist() == ["check"]
+    read = read_csv_control(path, TableLayout(unused=("role", "Std X")))
+    assert read.role.to_pylist() == [None]
+    assert np.isnan(read.sigma).all()
+    with pytest.raises(InputError, match="lacks the column z"):
+        read_csv_control(path, TableLayout(unused=("z",)))
+    # Another column may have the place of the one that is not read.
+    moved = TableLayout(columns={"z": "Std X"}, unused=("z",))
+    assert read_csv_control(path, moved).position.tolist() == [[1.0, 2.0, 0.1]]
+
+
+def test_an_unused_column_that_the_file_does_not_have_is_refused(file):
+    path = file("point,x,y,z,role\nA,1,2,3,check\n")
+    with pytest.raises(InputError, match="unused declares 'rolle'.*not in the file.*Did you mean 'role'"):
+        read_csv_control(path, TableLayout(unused=("rolle",)))
+
+
 def test_latin_1_is_read_where_it_is_declared(file):
     path = file("point,x,y,z\nKöln,1,2,3\n", "latin-1")
     with pytest.raises(InputError, match='declare encoding = "latin-1"') as refused:
