@@ -88,7 +88,8 @@ _TABLES: tuple[tuple[str, type[Settings], str], ...] = (
     (
         "[adjustment.priors]",
         Priors,
-        "An estimated parameter without a prior is determined by the other observations alone.",
+        "An estimated parameter without a prior is determined by the other observations alone. A prior of a "
+        "parameter that is held fixed has no effect.",
     ),
     ("[calibration]", CalibrationSettings, ""),
     ("[calibration.mounting]", MountingSettings, ""),

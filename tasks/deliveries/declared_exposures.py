@@ -28,8 +28,20 @@ _EXAMPLES = 5
 
 
 def with_declared_solutions(records: ExposureRecords, source: ExposuresInput) -> ExposureRecords:
-    """The exposures with the σ declared for their kind of solution, or without a position."""
+    """The exposures with the σ declared for their kind of solution, or without a position.
+
+    Raises
+    ------
+    InputError
+        If the project declares the use of kinds and the file states none.
+    """
     if records.solution is None:
+        if source.solutions:
+            raise Location(records.file).error(
+                "solutions declares the use of positions by the kind of their GNSS solution, but the file "
+                "states none.",
+                "Leave solutions out of this input.",
+            )
         return records
     position, sigma = records.position.copy(), records.sigma_position.copy()
     remarks: list[str] = []

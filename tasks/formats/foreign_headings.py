@@ -97,7 +97,9 @@ def mapped_names(
     # What is declared to be another column, or to be unused, is not this one, whatever its heading.
     taken = {*layout.columns, *layout.unused} & set(known)
     return [
-        f"{name}{OF_THE_FILE}" if name == heading and name in taken and layout.columns.get(name) != name else name
+        f"{name}{OF_THE_FILE}"
+        if name == heading and name in taken and layout.columns.get(name) != name
+        else name
         for name, heading in zip(names, fields, strict=True)
     ]
 

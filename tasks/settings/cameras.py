@@ -193,8 +193,8 @@ class CameraInput(Settings):
     (forward, right, down), m: the initial value if it is estimated, otherwise fixed.
     """
     reduced_by_m: Triple | None = None
-    """Lever arm that was used to reduce the positions to the projection centre, m. Default: `lever_arm_m` as
-    given here, even if the registry contains another one.
+    """Lever arm that was used to reduce positions to the projection centre (`position =
+    "projection_centre"`), m. Default: `lever_arm_m` as given here, even if the registry contains another one.
     """
     boresight_deg: Triple = (0.0, 0.0, 0.0)
     """Known boresight misalignment roll, pitch, yaw in body axes, degrees: the initial value if it is

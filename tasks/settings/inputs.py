@@ -171,9 +171,9 @@ class ExposuresInput(PlacedSettings, LengthSettings, TableSettings):
     exposure, called by its number from 1.
     """
     solutions: dict[SolutionName, SolutionUse] = Field(default_factory=dict)
-    """Use of positions by the kind of their GNSS solution (`rtklib`, `dji-mrk`): a standard deviation in m
-    instead of that of the file, one number or three, or `leave-out`. Example: `solutions = { float = 0.5,
-    single = "leave-out" }`.
+    """Use of positions by the kind of their GNSS solution, of files that state it (`rtklib`, `dji-mrk`): a
+    standard deviation in m instead of that of the file, one number or three, or `leave-out`. Example:
+    `solutions = { float = 0.5, single = "leave-out" }`.
     """
 
     @model_validator(mode="after")

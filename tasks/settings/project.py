@@ -155,6 +155,17 @@ class Project(Settings):
         return self
 
     @model_validator(mode="after")
+    def _only_reduced_positions_were_reduced(self) -> Project:
+        name = next((name for name, one in self.cameras.items() if one.reduced_by_m is not None), None)
+        if name is not None and all(one.position != "projection_centre" for one in self.inputs.exposures):
+            raise trouble(
+                f"reduced_by_m of the camera {name} is the lever arm of positions that were reduced to the "
+                "projection centre, but no exposures have such positions.",
+                'Leave it out, or declare position = "projection_centre" for the exposures.',
+            )
+        return self
+
+    @model_validator(mode="after")
     def _burn_in_of_one_platform(self) -> Project:
         platforms = {camera.head.reference for camera in self.cameras.values() if camera.head is not None}
         if self.burn_in is not None and len(platforms) != 1:

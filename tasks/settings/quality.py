@@ -30,11 +30,13 @@ class ChecksSettings(Settings):
     """
     tie_residual_px: Positive = 50.0
     """Median residual of tie points with the given orientations, px, above which the orientations, their
-    angle convention or the mounting are reported as wrong.
+    angle convention or the mounting are refused as wrong. The limit is never below ten times what the stated
+    σ of the exposures explain.
     """
     control_distance_m: Positive = 50.0
     """Distance between a control point and its intersection from the given orientations, m, above which the
-    point is reported as wrong.
+    point is refused as wrong (a few check points are reported). The limit is never below ten times what the
+    stated σ of the exposures explain.
     """
 
 

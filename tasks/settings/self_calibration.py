@@ -48,6 +48,6 @@ class SelfCalibrationSettings(Settings):
     """
     elimination: Literal["default", "bluh", "dmc_certificate", "none"] = "default"
     """Rule by which parameters that are not significant, or not separable from others, are eliminated one
-    after another: `default` (correlation 0.90, total correlation 0.95, t of 99 %), `bluh` (t below 1,
+    after another: `default` (correlation 0.90, total correlation 0.975, t of 99 %), `bluh` (t below 1,
     correlations above 0.85), `dmc_certificate` (t below 1.96), or `none`.
     """

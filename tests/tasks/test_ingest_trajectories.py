@@ -192,6 +192,11 @@ def test_float_solutions_are_said_weighted_or_left_out_as_declared(flight):
     assert any("are excluded, as declared" in text for text in problems)
 
 
+def test_solutions_of_a_file_that_states_none_are_refused(flight):
+    error = flight.refused(solutions={"float": "leave-out"})
+    assert "the file states none" in error.what
+
+
 def test_marks_of_a_drone_lead_from_the_antenna_to_the_camera(flight):
     time = np.sort(flight.block.truth.trajectory.time) + OFFSET
     marks = "".join(

@@ -32,7 +32,7 @@ _DATUM = {
 }
 _ROBUST = {"huber": "Huber", "cauchy": "Cauchy", "tukey": "Tukey", "biber": "modified M-estimation (BIBER)"}
 _ELIMINATION = {
-    "default": "default (correlation 0.90, total correlation 0.95, t of 99 %)",
+    "default": "default (correlation 0.90, total correlation 0.975, t of 99 %)",
     "bluh": "as BLUH (t below 1, correlations above 0.85)",
     "dmc_certificate": "as the DMC certificates (t below 1.96)",
     "none": _NONE,

@@ -128,7 +128,7 @@ def test_a_heading_of_ours_that_is_declared_unused_is_not_read(file):
 
 def test_an_unused_column_that_the_file_does_not_have_is_refused(file):
     path = file("point,x,y,z,role\nA,1,2,3,check\n")
-    with pytest.raises(InputError, match="unused declares 'rolle'.*not in the file.*Did you mean 'role'"):
+    with pytest.raises(InputError, match=r"unused declares 'rolle'.*not in the file.*Did you mean 'role'"):
         read_csv_control(path, TableLayout(unused=("rolle",)))
 
 

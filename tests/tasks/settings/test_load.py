@@ -268,6 +268,7 @@ def test_set_takes_only_keys_that_exist(write, override, part):
         ('adjustment.free=["boresite"]', "Did you mean 'boresight'?"),
         ('cameras."CAM 1".file="a.csv"', "Keep only one of the two"),
         ('cameras."CAM 1".mount_deg=45', "0, 90, 180 or 270"),
+        ('cameras."CAM 1".reduced_by_m=[0, 0, -1]', 'declare position = "projection_centre"'),
         ("version=2", "Input should be 1"),
         ("project.heights={}", "ellipsoidal"),
         ("adjustment.residual_grid.method=collocation", "corrects nothing with 0 iterations"),
