@@ -12,7 +12,14 @@ import pytest
 from docs.generate.tables import MARKER, with_tables
 from flows.command import exit_code, interruption
 from tasks.results.manifest import Manifest
-from tasks.results.publish import PUBLISHED
+from tasks.results.publish import (
+    DOCUMENTS,
+    OF_CALIBRATIONS,
+    OF_CHECKS,
+    OF_IMAGE_QUALITY,
+    OF_SWEEPS,
+    PUBLISHED,
+)
 from tasks.results.summary import Counts, Summary
 from tasks.tables.schemas.register import SCHEMAS
 
@@ -58,6 +65,13 @@ def test_every_table_and_column_is_listed_once() -> None:
         section = TEXT.split(f"### `{schema.name}.parquet`")[1].split("\n### ")[0]
         for column in schema.columns:
             assert section.count(f"| `{column.name}` | {column.type} |") == 1
+
+
+def test_every_file_that_is_no_table_is_in_the_list_of_files() -> None:
+    files = TEXT.split("\n## ")[0]
+    names = {*DOCUMENTS, *OF_CALIBRATIONS, *OF_CHECKS, *OF_IMAGE_QUALITY, *OF_SWEEPS} - set(SCHEMAS)
+    missing = [name for name in names if f"`{name}`" not in files and f"`{name}." not in files]
+    assert not missing
 
 
 def test_every_field_of_the_summary_is_explained() -> None:
