@@ -59,6 +59,7 @@ class Block:
     def __post_init__(self) -> None:
         object.__setattr__(self, "system", (*self.system, *self._held()))
         self._refuse_wrong_names()
+        self._refuse_wrong_system()
         n, e, m = len(self.images), len(self.events), len(self.points)
         for kind, name in (("cameras", "camera_of_image"), ("flights", "flight_of_image")):
             index, count = as_indices(name, getattr(self, name), n), len(getattr(self, kind))
@@ -97,6 +98,17 @@ class Block:
             if len(set(names)) < len(names):
                 twice = next(name for name in names if names.count(name) > 1)
                 raise InconsistentBlockError(f"Two of the {what} have the name {twice!r}.")
+
+    def _refuse_wrong_system(self) -> None:
+        """Parameters of a camera or flight are found by its index, whatever the name of their entity."""
+        owners = {"camera": tuple(camera.name for camera in self.cameras), "flight": self.flights}
+        for given in self.system:
+            expected = owners.get(given.family.entity_kind)
+            if given.family.name in FAMILIES and expected is not None and tuple(given.entities) != expected:
+                raise InconsistentBlockError(
+                    f"{given.family.name} belongs to {', '.join(given.entities)}; expected: every "
+                    f"{given.family.entity_kind} of the block, in its order: {', '.join(expected)}."
+                )
 
     def _refuse_other_matrices(self) -> None:
         """Steps of the adjustment turn rotations, and would leave any other matrix what it is."""

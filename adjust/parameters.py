@@ -18,7 +18,8 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, require_shape
+from adjust.errors import InconsistentBlockError
 from adjust.geometry import rotation
 from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, Pictures, Rig
 from adjust.unknown_names import NamedValues
@@ -171,6 +172,10 @@ class SystemParameters:
     values : (e, d) given values, SI and radians, or the family's own units.
     free : (e, d) true where the parameter is unknown; elsewhere it keeps its value.
     flights : of cameras that have a set for each flight, the flights of the e sets; None: one set each.
+
+    Raises
+    ------
+    InconsistentBlockError : of arrays of another shape, or values that are not finite.
     """
 
     family: Family
@@ -178,6 +183,13 @@ class SystemParameters:
     values: Floats
     free: Bools
     flights: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        name, shape = self.family.name, (len(self.entities), len(self.family.components))
+        require_shape(f"The array of values of {name}", np.shape(self.values), shape)
+        require_shape(f"The array of free parameters of {name}", np.shape(self.free), shape)
+        if not np.isfinite(self.values).all():
+            raise InconsistentBlockError(f"The values of {name} are not all finite.")
 
     def quantity(self, entity: int, component: int) -> Quantity:
         """One of the parameters by its name and what has it."""

@@ -64,8 +64,8 @@ class Heights(Settings):
     named: an undulation is never assumed to be zero.
     """
     linear_alteration: LinearAlteration | None = None
-    """Undo IGN's linear alteration of the flying height (exposures in Lambert-93): `linear_alteration = {
-    ground_m = 205.0 }`. An error of 100 m in `ground_m` causes about 7 cm.
+    """Undo IGN's linear alteration of the flying height (exposures in Lambert-93); next to `geoid`:
+    `linear_alteration = { ground_m = 205.0 }`. An error of 100 m in `ground_m` causes about 7 cm.
     """
 
     @model_validator(mode="before")
@@ -73,7 +73,12 @@ class Heights(Settings):
     def _from_text(cls, value: object) -> object:
         if value == "ellipsoidal":
             return {}
-        if isinstance(value, Heights) or (isinstance(value, dict) and set(value) - {"linear_alteration"}):
+        if isinstance(value, dict) and set(value) == {"linear_alteration"}:
+            raise trouble(
+                "The linear alteration applies to altitudes above a geoid.",
+                "Also give the geoid grid, or remove linear_alteration.",
+            )
+        if isinstance(value, Heights) or (isinstance(value, dict) and value):
             return value
         raise trouble("The height system is not valid.", 'Write "ellipsoidal" or { geoid = "FILE.tif" }.')
 

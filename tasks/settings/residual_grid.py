@@ -18,8 +18,9 @@ class ResidualGridSettings(Settings):
 
     cells: Annotated[Whole, Field(ge=1, le=100)] | None = None
     """Sub-areas along each side of the image. Default 25, or fewer: a sub-area has 25 image points on
-    average, and with the method `collocation` several cameras have at most 700 sub-areas together. With
-    `file`, those of the file. Seams between CCD images (`tiles` of the camera) are always borders.
+    average, and with the method `collocation` several cameras have at most 700 sub-areas together. A camera
+    in `file` always has those of the file. Seams between CCD images (`tiles` of the camera) are always
+    borders.
     """
     file: InputPaths = ()
     """`residual_grid.parquet` of another run, such as the high flight of the same camera: its corrections

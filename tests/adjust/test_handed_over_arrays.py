@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from adjust import (
+    FAMILIES,
     AdjustmentOptions,
     Block,
     ControlPoints,
@@ -21,6 +22,7 @@ from adjust import (
     InsAttitudes,
     Observations,
     StochasticModel,
+    SystemParameters,
     UnknownNameError,
     adjust_block,
 )
@@ -189,6 +191,35 @@ ADJUSTMENTS: dict[str, tuple[Callable[[], object], str]] = {
 def test_what_belongs_to_another_block_is_refused(make: Callable[[], object], says: str) -> None:
     with pytest.raises(InconsistentBlockError, match=says):
         make()
+
+
+@pytest.mark.parametrize(
+    ("entities", "values", "free", "says"),
+    [
+        (("camera",), np.zeros(3), np.ones((1, 3), dtype=bool), r"values of boresight has the shape \(3,\)"),
+        (
+            ("camera",),
+            np.zeros((1, 3)),
+            np.ones(3, dtype=bool),
+            r"free parameters of boresight has the shape \(3,\)",
+        ),
+        (("camera",), np.full((1, 3), np.nan), np.ones((1, 3), dtype=bool), "finite"),
+        (("other",), np.zeros((1, 3)), np.ones((1, 3), dtype=bool), "boresight belongs to other"),
+        (
+            ("camera", "other"),
+            np.zeros((2, 3)),
+            np.ones((2, 3), dtype=bool),
+            "boresight belongs to camera, other",
+        ),
+    ],
+)
+def test_system_parameters_that_do_not_fit_are_refused(
+    entities: tuple[str, ...], values: Any, free: Any, says: str
+) -> None:
+    others = tuple(given for given in BLOCK.system if given.family.name != "boresight")
+    names = tuple(BLOCK.cameras[0].name if name == "camera" else name for name in entities)
+    with pytest.raises(InconsistentBlockError, match=says.replace("camera", BLOCK.cameras[0].name)):
+        replace(BLOCK, system=(*others, SystemParameters(FAMILIES["boresight"], names, values, free)))
 
 
 def test_a_name_that_does_not_exist_is_refused_with_those_that_do() -> None:

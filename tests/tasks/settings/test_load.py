@@ -271,6 +271,7 @@ def test_set_takes_only_keys_that_exist(write, override, part):
         ('cameras."CAM 1".reduced_by_m=[0, 0, -1]', 'declare position = "projection_centre"'),
         ("version=2", "Input should be 1"),
         ("project.heights={}", "ellipsoidal"),
+        ("project.heights={ linear_alteration = { ground_m = 205.0 } }", "Also give the geoid grid"),
         ("adjustment.residual_grid.method=collocation", "corrects nothing with 0 iterations"),
         ('adjustment.residual_grid={ method = "collocation", iterations = 5, cells = 37 }', "at most 36"),
         (
