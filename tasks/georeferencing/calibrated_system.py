@@ -115,9 +115,16 @@ def calibrated_flights(
     Raises
     ------
     InputError
-        If there are several and none of them is meant.
+        If there are several and none of them is meant, or one is named and there is none.
     """
     known = tuple(dict.fromkeys(calibration.entities("gnss_shift_x") + calibration.entities("time_offset")))
+    if shift_of_flight is not None and not known:
+        raise InputError(
+            f"The GNSS shift of the flight '{shift_of_flight}' is to be used, but the calibration has none of "
+            "any flight.",
+            "Leave shift_of_flight out, or name another calibration.",
+            entity="direct_georeferencing.shift_of_flight",
+        )
     found = {}
     for flight in flights if known else ():
         wanted = flight if shift_of_flight is None else shift_of_flight

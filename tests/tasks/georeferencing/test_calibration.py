@@ -130,6 +130,8 @@ def test_the_only_flight_of_a_calibration_serves_every_flight() -> None:
     assert calibrated_flights(calibration(), ("7", "8"), None) == {"7": "1", "8": "1"}
     assert calibrated_flights(calibration(), ("1",), None) == {"1": "1"}
     assert calibrated_flights(NO_CALIBRATION, ("1",), None) == {}
+    with pytest.raises(InputError, match="has none of any flight"):
+        calibrated_flights(NO_CALIBRATION, ("1",), "1")
 
 
 def test_several_flights_go_by_their_names_or_by_the_setting() -> None:
