@@ -22,8 +22,8 @@ def plan(
         str | None,
         typer.Option(
             metavar="NAME,NAME,…",
-            help="Parameters to calibrate: focal_length, principal_point, boresight, gnss_shift, lever_arm, "
-            "time_offset, gnss_drift.",
+            help="Parameters to calibrate, as in [bold]calibration.free[/bold] of a project: focal_length, "
+            "principal_point, boresight, gnss_shift, lever_arm …",
             show_default="calibration.free in the file",
         ),
     ] = None,
@@ -43,7 +43,8 @@ def plan(
             min=0.0,
             help="σ of the GNSS error common to all images of a strip, m; [bold]0[/bold]: "
             "independent errors, which is too optimistic.",
-            show_default="0.03, or the project's",
+            show_default="adjustment.priors.gnss_strip_bias_m of a project, otherwise 0.03; none if "
+            "calibration.free does not contain gnss_strip_bias",
         ),
     ] = None,
     overrides: Annotated[
