@@ -119,6 +119,7 @@ _UNIT = "px, mm, um, centred-px or longer-side"
 _ORDER = "omega-phi-kappa or phi-omega-kappa"
 _ANGLE_UNIT = "deg, gon or rad"
 _REFERENCE = "grid (axes of the map), true-north or local"
+_RATE_AXES = "forward-right-down or forward-left-up"
 _DISTANCE_UNIT = "m or mm"
 _INTRODUCTION = (
     "Written by aerocal init: the files in this folder, and what they state.",
@@ -278,7 +279,10 @@ def _angles(content: Content, records: ExposureRecords) -> Iterator[str]:
     else:
         yield comment("no angles are given, so none of these keys matters")
         order, unit, reference = "omega-phi-kappa", "deg", "local"
-    yield key_line("angles", {"order": order, "unit": unit, "reference": reference})
+    angles = {"order": order, "unit": unit, "reference": reference}
+    if records.rates is not None and np.isfinite(records.rates).any():
+        angles["rate_axes"] = open_value(_RATE_AXES)
+    yield key_line("angles", angles)
 
 
 def _adjustment(inputs: Sequence[tuple[FoundFile, Content]]) -> Iterator[str]:

@@ -133,6 +133,15 @@ def test_init_writes_what_is_known_and_asks_for_the_rest(tmp_path: Path) -> None
     assert all(text.startswith("DECLARE: ") for text in questions)
 
 
+def test_init_asks_for_the_axes_of_rates(tmp_path: Path) -> None:
+    folder = delivery(tmp_path / "delivery")
+    headings = "image,camera,strip,x,y,z,heading,pitch,roll,rate_roll,rate_pitch,rate_yaw"
+    (folder / "rates.csv").write_text(f"{headings}\ni1,C,1,500000,5400000,900,90,1,2,0.1,0.2,0.3\n")
+    begin_project(folder)
+    (angles,) = (line for line in (folder / "project.toml").read_text().splitlines() if "rate_axes" in line)
+    assert 'rate_axes = "DECLARE: forward-right-down or forward-left-up"' in angles
+
+
 def test_a_project_with_open_values_is_refused_with_their_list(tmp_path: Path) -> None:
     folder = delivery(tmp_path / "delivery")
     begin_project(folder)
