@@ -120,8 +120,8 @@ def calibrated_flights(
     known = tuple(dict.fromkeys(calibration.entities("gnss_shift_x") + calibration.entities("time_offset")))
     if shift_of_flight is not None and not known:
         raise InputError(
-            f"The GNSS shift of the flight '{shift_of_flight}' is to be used, but the calibration has none of "
-            "any flight.",
+            f"The GNSS shift of the flight '{shift_of_flight}' is to be used, but the calibration has none "
+            "of any flight.",
             "Leave shift_of_flight out, or name another calibration.",
             entity="direct_georeferencing.shift_of_flight",
         )
