@@ -26,6 +26,7 @@ from tasks.block.approximation import (
     write_points,
 )
 from tasks.block.block_input import SurveyedPoints, block_of, image_point_observations, surveyed_points
+from tasks.block.exposure_events import exposure_events
 from tasks.block.found_orientations import found_orientations
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.oriented_images import has_attitude, has_position, measured_exposures, oriented_images
@@ -96,6 +97,8 @@ def write_approximate_block(
     problems += suspicions
     problems += found.remarks
     problems += check_distances(given_distances, found.point, found.x_in_local)
+    # The adjustment joins images to events, and would refuse what the doctor has not seen.
+    exposure_events(given)
     problems += _dropped(found) + ([] if is_suspicious else unmeasured)
 
     write_images(folder, found, own[own["image"].isin(unoriented)])

@@ -13,12 +13,14 @@ import pytest
 from flows.runs.project_run import RunRequest, Story, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.direct_georeferencing_check import direct_georeferencing_check
+from flows.stories.examination import examine_everything
 from flows.stories.system_calibration import system_calibration
 from tasks.errors import InputError
 from tasks.settings.load import load_project
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
+from tasks.store.store import Store
 from tests.flows.adjustment_alone import adjustment_alone
 from tests.tasks.documents.report.page_reader import Page
 
@@ -196,6 +198,12 @@ def test_images_that_make_no_event_are_refused(
     found = carry_out(aerial_triangulation, RunRequest(flight, out, overrides=overrides))
     assert found.error is not None
     assert message in str(found.error)
+    # The doctor, which adjusts nothing, finds it as well.
+    store = Store.of(out)
+    store.begin_run()
+    assert any(
+        message in one.what for one in examine_everything(load_project(flight, overrides), store).mistakes
+    )
 
 
 @pytest.mark.parametrize(
