@@ -18,7 +18,9 @@ def doctor(
     All mistakes are listed at once, each with the evidence for every hypothesis and the line of the project
     file that corrects it: units, order and reference of angles, rotated or mirrored images, swapped axes,
     feet, heights, zones, antenna, time offset, mixed-up names, images and points that are not used. Errors
-    that would stop a run are corrected in memory or skipped, so that the rest can be checked as well.
+    that would stop a run are corrected in memory or skipped, so that the rest can be checked as well. What
+    the settings of the adjustment require of the data, such as times for gnss_correlation_s, is checked by
+    the run.
 
     Nothing is published; with --out, completed stages are kept for the next run.
 
