@@ -76,7 +76,7 @@ def test_the_first_correction_is_that_of_full_matrices() -> None:
     rule = GridRule(most_iterations=1, cross_validate=False)
     found = collocate(block, result, (division,), block.camera_of_image, rule)
     zero = CorrectionField(division, np.zeros((division.count, 2)))
-    dense = Dense(Corrected._of(result, zero), parts=1)
+    dense = Dense(Corrected.of_one_set(result, zero), (None,))
     (field,) = found.fields
     assert field is not None
     known = np.isfinite(field.value)

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import pytest
 from scipy import linalg
 
 from adjust.adjustment import adjust_block
+from adjust.arrays import Floats, Ints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION
 from adjust.quality.control_checks import ControlCheck
 from adjust.quality.correction_errors import CorrectionErrors
+from adjust.residual_grid import mean_response as mean_response_module
 from adjust.residual_grid import remaining_errors as remaining_errors_module
 from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.expected_field import ExpectedField, Places, expected_field
-from adjust.residual_grid.format_cells import FormatCells
+from adjust.residual_grid.format_cells import FormatCells, Interpolation
 from adjust.residual_grid.image_correction import CorrectionField, corrected
 from adjust.residual_grid.image_sets import GridRule
 from adjust.residual_grid.iteration import iterate_grid
@@ -46,26 +48,39 @@ ONCE = GridRule(most_iterations=1, smoothing=Smoothing(), cross_validate=False)
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """A block adjusted with corrections of one set of images."""
+    """A block adjusted with corrections of sets of images."""
 
     result: AdjustmentResult
-    field: CorrectionField
+    fields: tuple[CorrectionField | None, ...]
+    set_of_image: Ints
+    interpolation: Interpolation = "bilinear"
 
     @classmethod
-    def once(cls, heads: Literal[1, 2] = 1, **free: object) -> Corrected:
-        """Corrected once by plain means of 3 × 3 sub-areas; radial errors of 8 µm at 50 mm."""
+    def once(
+        cls,
+        plan: Mapping[str, object],
+        by_camera: bool = False,
+        interpolation: Interpolation = "bilinear",
+    ) -> Corrected:
+        """Corrected once by plain means of 3 × 3 sub-areas; radial errors of 8 µm at 50 mm, uneven σ,
+        every 40th image point rejected.
+        """
         scene = two_strips(
-            noise_seed=3, free=free, distances=2, points_along=20, points_across=10, heads=heads
+            **{"noise_seed": 3, "distances": 2, "points_along": 20, "points_across": 10, **plan}
         )
         block, rays = scene.block, scene.observations.image_points
         outwards = 8e-6 * rays.xy * np.sum(rays.xy**2, axis=1, keepdims=True) / 0.05**3
-        observations = replace(scene.observations, image_points=replace(rays, xy=rays.xy + outwards))
+        uneven = np.random.default_rng(6).uniform(0.8, 1.2, (len(rays.image), 1)) * [1.0, 1.5]
+        active = np.arange(len(rays.image)) % 40 > 0
+        measured = replace(rays, xy=rays.xy + outwards, sigma=rays.sigma * uneven, active=active)
+        observations = replace(scene.observations, image_points=measured)
         first = adjust_block(block, observations)
-        division = FormatCells.of(block.cameras[0].half_format, 3)
-        found = iterate_grid(block, first, (division,), block.camera_of_image, ONCE)
-        points = corrected(observations.image_points, found.fields, block.camera_of_image, "bilinear")
+        sets = block.camera_of_image if by_camera else np.zeros_like(block.camera_of_image)
+        grids = [FormatCells.of(camera.half_format, 3) for camera in block.cameras[: sets.max() + 1]]
+        found = iterate_grid(block, first, grids, sets, replace(ONCE, interpolation=interpolation))
+        points = corrected(measured, found.fields, sets, interpolation)
         result = adjust_block(block, replace(observations, image_points=points))
-        return cls._of(result, found.fields[0])
+        return cls(result, found.fields, sets, interpolation)
 
     @classmethod
     def of_test(cls, test: CameraTest, division: FormatCells) -> Corrected:
@@ -76,16 +91,15 @@ class Corrected:
             test.observations.image_points, found.fields, test.block.camera_of_image, "bilinear"
         )
         result = adjust_block(test.block, replace(test.observations, image_points=points))
-        return cls._of(result, found.fields[0])
+        return cls.of_one_set(result, found.fields[0])
 
     @classmethod
-    def _of(cls, result: AdjustmentResult, field: CorrectionField | None) -> Corrected:
+    def of_one_set(cls, result: AdjustmentResult, field: CorrectionField | None) -> Corrected:
         assert field is not None
-        return cls(result, field)
+        return cls(result, (field,), np.zeros_like(result.block.camera_of_image))
 
     def errors(self) -> CorrectionErrors | None:
-        every_image = np.zeros_like(self.result.block.camera_of_image)
-        return remaining_errors(self.result, (self.field,), every_image, "bilinear")
+        return remaining_errors(self.result, self.fields, self.set_of_image, self.interpolation)
 
     def with_errors(self) -> AdjustmentResult:
         return with_correction_errors(self.result, self.errors())
@@ -93,96 +107,161 @@ class Corrected:
 
 @pytest.fixture(scope="module")
 def once() -> Corrected:
-    return Corrected.once(**FREE)
+    return Corrected.once({"free": FREE})
 
 
 class Dense:
-    """The formulas of the module, with every matrix in full; x of all finer cells, then y."""
+    """The formulas of the module, with every matrix in full; set by set x of all finer cells, then y."""
 
-    def __init__(self, corrected: Corrected, parts: int | None = None) -> None:
-        result, field, errors = corrected.result, corrected.field, corrected.errors()
-        assert errors is not None
-        self.cells = cells = field.cells.finer(parts or errors.parts[0] or 1)
+    def __init__(self, corrected: Corrected, parts: Sequence[int | None]) -> None:
+        result = corrected.result
         design = design_matrix(result.system, result.solution.linearization)
         self.cofactor, self.border = full_cofactor(design), design.border_columns
         self.exposures, self.points = design.exposure_columns, design.point_columns
-        rays = result.observations.image_points
-        n, cell, chosen = len(rays.image), cells.cell_of(rays.xy), controlled(result.groups[0])
-        count = np.stack([np.bincount(cell, of, cells.count) for of in chosen.T], axis=1)
-        self.weight, known = count, count >= (1 if parts is None else LEAST_IN_CELL)
+        rays, chosen = result.observations.image_points, controlled(result.groups[0])
+        n, of_ray = len(rays.image), corrected.set_of_image[rays.image]
         a = design.matrix[: 2 * n].toarray()
-        places = np.argwhere(known.T)
-        fields, means = np.zeros((2 * n, len(places))), np.zeros((len(places), 2 * n))
-        for place, (coordinate, number) in enumerate(places):
-            unit = np.where(known, 0.0, np.nan)
-            unit[number, coordinate] = 1.0
-            fields[:, place] = cells.interpolate(unit, rays.xy, "bilinear").ravel()
-            own = np.flatnonzero((cell == number) & chosen[:, coordinate])
-            means[place, 2 * own + coordinate] = 1.0 / len(own)
-        weight = rays.inverse_sigma.ravel()
-        left = means @ result.groups[0].residual.ravel()
-        fields *= weight[:, None]
-        means /= weight
-        self.effect = self.cofactor @ (a.T @ fields)
-        response = means @ fields - means @ a @ self.effect
-        noise = result.sigma0**2 * means @ (np.eye(2 * n) - a @ self.cofactor @ a.T) @ means.T
-        correction = field.cells.interpolate(field.value, cells.middles, "bilinear").T[known.T]
-        turned = a[:, self.exposures].sum(axis=1)[:, 3:]
-        terms = rays.linearize(result.solution.linearization).terms
-        (of_interior,) = (term.jacobian for term in terms if term.block == INTERIOR_ORIENTATION)
-        held = of_interior.reshape(2 * n, 3) * weight[:, None] * (result.block.rig is None)
-        root = np.sqrt(count.T[known.T])[:, None]
-        without = left + response @ correction
+        fields, means = list[Floats](), list[Floats]()
+        self.places, self.weight, corrections, turned = list[Places](), list[Floats](), list[Floats](), []
+        turning = a[:, self.exposures].sum(axis=1)[:, 3:]
+        for number, (field, divided) in enumerate(zip(corrected.fields, parts, strict=True)):
+            if field is None:
+                continue
+            cells, of_set = field.cells.finer(divided or 1), of_ray == number
+            cell = np.where(of_set, cells.cell_of(rays.xy), cells.count)
+            count = np.stack([np.bincount(cell, own, cells.count)[: cells.count] for own in chosen.T], axis=1)
+            known = count >= (1 if divided is not None else LEAST_IN_CELL)
+            for coordinate, place in np.argwhere(known.T):
+                unit = np.where(known, 0.0, np.nan)
+                unit[place, coordinate] = 1.0
+                between = cells.interpolate(unit, rays.xy, corrected.interpolation)
+                fields.append((between * of_set[:, None]).ravel())
+                mean = np.zeros((n, 2))
+                mean[:, coordinate] = (cell == place) & chosen[:, coordinate]
+                means.append(mean.ravel() / mean.sum())
+            self.places.append(Places(cells, known.T))
+            self.weight.append(count.T[known.T])
+            at_middles = field.cells.interpolate(field.value, cells.middles, corrected.interpolation)
+            corrections.append(at_middles.T[known.T])
+            turned.append(turning * np.repeat(of_set, 2)[:, None])
+        self.of_rays, mean_of = np.array(fields).T, np.array(means)
+        inverse, sigma = rays.inverse_sigma.ravel(), rays.sigma.ravel()
+        left = mean_of @ result.groups[0].residual.ravel()
+        whitened, mean_of = self.of_rays * inverse[:, None], mean_of * sigma
+        self.effect = self.cofactor @ (a.T @ whitened)
+        response = mean_of @ whitened - mean_of @ a @ self.effect
+        noise = result.sigma0**2 * mean_of @ (np.eye(2 * n) - a @ self.cofactor @ a.T) @ mean_of.T
+        (of_interior,) = (
+            term.jacobian
+            for term in rays.linearize(result.solution.linearization).terms
+            if term.block == INTERIOR_ORIENTATION
+        )
+        camera, held = result.block.camera_of_image[rays.image], [np.zeros((2 * n, 0))]
+        if result.block.rig is None:
+            held += [
+                np.where((camera == own)[:, None, None], of_interior, 0.0).reshape(2 * n, 3)
+                * inverse[:, None]
+                for own in np.unique(camera)
+            ]
+        else:
+            turned = (
+                [turning] if np.isin(of_ray, [k for k, f in enumerate(corrected.fields) if f]).all() else []
+            )
+        weight, correction = np.concatenate(self.weight), np.concatenate(corrections)
+        root = np.sqrt(weight)[:, None]
         # Combinations of what free parameters make that the means hardly show.
-        free = linalg.orth(root * (means @ np.column_stack([a[:, self.border], turned]))) / root
+        free = linalg.orth(root * (mean_of @ np.column_stack([a[:, self.border], *turned]))) / root
         shown = free.T @ (root**2 * (response @ free))
         part, combination = np.linalg.eigh((shown + shown.T) / 2.0)
-        hidden = free @ combination[:, part < 0.1]
-        imitable = np.column_stack([hidden, means @ held])
-        self.contained = np.eye(len(places)) - imitable @ np.linalg.pinv(root * imitable, rcond=1e-8) * root.T
+        imitable = np.column_stack([free @ combination[:, part < 0.1], mean_of @ np.column_stack(held)])
+        self.contained = np.eye(len(weight)) - imitable @ np.linalg.pinv(root * imitable, rcond=1e-8) * root.T
         self.expected: ExpectedField = expected_field(
-            [Places(cells, known.T)],
-            without,
-            response,
-            noise,
-            self.contained,
+            self.places, left + response @ correction, response, noise, self.contained
         )
         wrong = self.contained @ correction - self.expected.value
-        errors = self.effect @ np.column_stack([self.expected.root, wrong])
-        self.added = errors @ errors.T
+        self.errors = np.column_stack([self.expected.root, wrong])
+
+    def of_everything(self) -> Floats:
+        """Errors (u + 2 n, k) of all unknowns and of the corrections at the image points."""
+        return np.vstack([self.effect, self.of_rays]) @ self.errors
+
+    def found(self, errors: CorrectionErrors, result: AdjustmentResult) -> Floats:
+        """The same of the module."""
+        found = np.zeros((len(self.cofactor), errors.of_unknowns.count))
+        found[self.exposures] = errors.of_unknowns.of_exposures
+        found[self.border] = errors.of_unknowns.of_border
+        used = self.points[:, 0] >= 0
+        found[self.points[used]] = errors.of_unknowns.of_points[used]
+        rays = result.observations.image_points
+        return np.vstack([found, errors.at(rays.image, rays.xy).reshape(-1, found.shape[1])])
+
+    def assert_alike(self, found: Floats, *expected: Floats) -> None:
+        """Whether errors have the covariances of others, of which there are several independent ones."""
+        added = sum(item @ item.T for item in expected)
+        image = np.full(len(self.of_rays), 1e-6)
+        size = np.concatenate([np.sqrt(np.diagonal(self.cofactor)), image])
+        scale = np.outer(size, size)
+        of_unknowns = slice(0, len(self.cofactor))
+        largest = np.max((added / scale)[of_unknowns, of_unknowns])
+        np.testing.assert_allclose(found @ found.T / scale, added / scale, atol=1e-5 * largest)
 
 
-@pytest.mark.parametrize(("free", "heads"), [(FREE, 1), (HELD, 1), (HELD, 2)])
-def test_errors_of_all_unknowns_are_those_of_full_matrices(
-    free: dict[str, object], heads: Literal[1, 2], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("plan", "by_camera", "interpolation"),
+    [
+        ({"free": FREE}, False, "bilinear"),
+        ({"free": HELD}, False, "cell"),
+        ({"free": HELD, "heads": 2}, False, "bilinear"),
+        ({"free": HELD, "heads": 2}, True, "cell"),
+        ({"free": HELD, "cameras": 2}, True, "bilinear"),
+    ],
+)
+def test_errors_of_everything_are_those_of_full_matrices(
+    plan: dict[str, object],
+    by_camera: bool,
+    interpolation: Interpolation,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    once = Corrected.once(heads, **free)
-    dense = Dense(once)
-    assert dense.expected.sigma > 1e-6
+    once = Corrected.once(plan, by_camera, interpolation)
     monkeypatch.setattr(remaining_errors_module, "_NEGLECTED", -1.0)
     errors = once.with_errors().cofactor.corrections
     assert errors is not None
-    found = np.zeros((len(dense.cofactor), errors.of_unknowns.count))
-    found[dense.exposures] = errors.of_unknowns.of_exposures
-    found[dense.border] = errors.of_unknowns.of_border
-    used = dense.points[:, 0] >= 0
-    found[dense.points[used]] = errors.of_unknowns.of_points[used]
-    size = np.sqrt(np.diagonal(dense.cofactor))
-    scale = np.outer(size, size)
-    largest = np.max(dense.added / scale)
-    np.testing.assert_allclose(found @ found.T / scale, dense.added / scale, atol=1e-5 * largest)
-    assert errors.sigma[0] == pytest.approx(dense.expected.sigma, rel=1e-4)
+    dense, first = Dense(once, errors.parts), 0
+    assert dense.expected.sigma > 1e-6
+    dense.assert_alike(dense.found(errors, once.result), dense.of_everything())
+    for places, sigma in zip(dense.places, errors.sigma, strict=True):
+        part = slice(first, first := first + places.count)
+        assert sigma == pytest.approx(dense.expected.sigma_of(part), rel=1e-4)
     # Held parameters have none.
     for name, columns in once.result.layout.columns.items():
         assert np.all(errors.of_families[name][columns < 0] == 0.0)
+        free = errors.of_families[name][columns >= 0]
+        np.testing.assert_array_equal(free, errors.of_unknowns.of_border[columns[columns >= 0]])
+
+
+def test_errors_of_sets_that_are_too_many_together_are_independent(monkeypatch: pytest.MonkeyPatch) -> None:
+    once = Corrected.once({"free": HELD, "cameras": 2}, True)
+    monkeypatch.setattr(remaining_errors_module, "_NEGLECTED", -1.0)
+    monkeypatch.setattr(mean_response_module, "MOST_TOGETHER", 17)
+    errors = once.errors()
+    assert errors is not None
+    first, second = (
+        Dense(
+            replace(once, fields=tuple(own if k == number else None for k, own in enumerate(once.fields))),
+            errors.parts,
+        )
+        for number in (0, 1)
+    )
+    first.assert_alike(first.found(errors, once.result), first.of_everything(), second.of_everything())
+    assert errors.sigma == pytest.approx([first.expected.sigma, second.expected.sigma], rel=1e-4)
 
 
 def test_what_is_left_out_is_a_small_part_of_every_variance(once: Corrected) -> None:
-    dense, result = Dense(once), once.with_errors()
+    dense, result = Dense(once, (3,)), once.with_errors()
     added = result.covariance(parameters=["interior_orientation"]).matrix
     added -= once.result.covariance(parameters=["interior_orientation"]).matrix
     columns = dense.border[result.layout.columns[INTERIOR_ORIENTATION].ravel()]
-    expected = dense.added[np.ix_(columns, columns)]
+    expected = (dense.effect @ dense.errors)[columns] @ (dense.effect @ dense.errors)[columns].T
     own = once.result.sigma0**2 * dense.cofactor[np.ix_(columns, columns)]
     left_out = np.linalg.eigvalsh(
         np.linalg.solve(np.linalg.cholesky(own), expected - added) @ np.linalg.inv(np.linalg.cholesky(own)).T
@@ -193,19 +272,19 @@ def test_what_is_left_out_is_a_small_part_of_every_variance(once: Corrected) -> 
 
 def test_parameters_are_those_of_the_corrections(once: Corrected) -> None:
     # A shift of all image points is as much a principal point: in the parameters and nowhere else.
-    dense = Dense(once)
-    contained, known, k = dense.contained, dense.weight > 0, dense.cells.count
+    dense = Dense(once, (3,))
+    (places,), (weight,) = dense.places, dense.weight
+    cells, known = places.cells, places.known
     for coordinate in (0, 1):
-        shift = np.repeat([[coordinate == 0], [coordinate == 1]], k, axis=1)[known.T].astype(np.float64)
-        np.testing.assert_allclose(contained @ shift, 0.0, atol=1e-6)
+        shift = np.repeat([[coordinate == 0], [coordinate == 1]], cells.count, axis=1)[known]
+        np.testing.assert_allclose(dense.contained @ shift, 0.0, atol=1e-6)
     errors = once.with_errors().cofactor.corrections
     assert errors is not None
     rays = once.result.observations.image_points
-    at_middles = errors.at(np.zeros(k, dtype=np.int64), dense.cells.middles)
-    weight = dense.weight[:, :, None]
-    np.testing.assert_allclose(
-        np.sum(weight * at_middles, axis=0) / weight.sum(axis=0), 0.0, atol=1e-3 * np.abs(at_middles).max()
-    )
+    at_middles = errors.at(np.zeros(cells.count, dtype=np.int64), cells.middles)
+    for own, values in zip(known, np.moveaxis(at_middles, 1, 0), strict=True):
+        part, weight = weight[: own.sum()], weight[own.sum() :]
+        np.testing.assert_allclose(part @ values[own] / part.sum(), 0.0, atol=1e-3 * np.abs(at_middles).max())
     assert errors.at(rays.image, rays.xy).shape == (len(rays.image), 2, errors.of_unknowns.count)
 
 
@@ -286,7 +365,7 @@ def test_a_good_camera_costs_nothing() -> None:
     result = adjust_block(
         test.block, replace(test.observations, image_points=points), AdjustmentOptions(threads=1)
     )
-    used, item = result.active_point, Corrected._of(result, fields[0])
+    used, item = result.active_point, Corrected.of_one_set(result, fields[0])
     grown = sigma_of_points(item.with_errors())[used] / sigma_of_points(result)[used]
     assert grown.mean() < 1.05
     assert grown.max() < 1.25
@@ -297,7 +376,7 @@ def test_where_nothing_was_corrected_what_means_indicate_is_left_all_the_same() 
     # Cross-validation refuses a correction; the heights have errors of 5.7 times the σ of noise alone.
     test = high_block(ImageErrorSpecification(radial=2.5e-6))
     nothing = CorrectionField.zero(cells(9))
-    result = Corrected(test.result, nothing).with_errors()
+    result = Corrected.of_one_set(test.result, nothing).with_errors()
     used = result.active_point
     error = (result.state.object_point - test.simulated.truth.state.object_point)[used, 2]
     without, having = (
@@ -306,7 +385,7 @@ def test_where_nothing_was_corrected_what_means_indicate_is_left_all_the_same() 
     assert without > 5.0
     assert 0.7 < having < 1.6
     # Of noise alone nothing is left.
-    good = Corrected(high_block(NOTHING).result, nothing)
+    good = Corrected.of_one_set(high_block(NOTHING).result, nothing)
     grown = sigma_of_points(good.with_errors())[used, 2] / sigma_of_points(good.result)[used, 2]
     assert grown.max() < 1.15
 
@@ -318,6 +397,6 @@ def test_sub_areas_with_few_image_points_are_not_divided(once: Corrected) -> Non
     assert 9 * 3**2 <= chosen.sum(axis=0).max() // 5 < 9 * 5**2
     assert errors.parts == (3,)
     division = FormatCells.of(once.result.block.cameras[0].half_format, 8)
-    fine = replace(once, field=CorrectionField(division, np.zeros((division.count, 2)))).errors()
+    fine = replace(once, fields=(CorrectionField(division, np.zeros((division.count, 2))),)).errors()
     assert fine is not None
     assert fine.parts == (1,)
