@@ -60,5 +60,5 @@ def variation_within(
     for tried in finer:
         left = within(tried)
         if left is not None and left.probability >= _BY_CHANCE:
-            return VariationWithin(found, True, max(tried.columns, tried.rows))
+            return VariationWithin(found, True, tried.columns)
     return VariationWithin(found, True, None)

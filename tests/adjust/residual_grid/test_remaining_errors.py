@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy import linalg
 
 from adjust.adjustment import adjust_block
 from adjust.arrays import Floats, Ints
+from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION
 from adjust.quality.control_checks import ControlCheck
@@ -26,7 +28,7 @@ from adjust.residual_grid.iteration import iterate_grid
 from adjust.residual_grid.remaining_errors import remaining_errors, with_correction_errors
 from adjust.residual_grid.residual_grid import LEAST_IN_CELL
 from adjust.residual_grid.smoothing import Smoothing
-from adjust.result import AdjustmentResult
+from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.result_columns import sigma_of_points
 from adjust.simulate.image_errors import ImageErrorSpecification
 from adjust.solve.design_matrix import design_matrix, full_cofactor
@@ -43,6 +45,8 @@ from tests.adjust.scenes import two_strips
 #: Interior orientation free, and held.
 FREE = {INTERIOR_ORIENTATION: True, BORESIGHT: True}
 HELD = {BORESIGHT: True}
+#: All images are one set, or those of every camera, or every second one.
+SetsBy = Literal["all", "camera", "half"]
 ONCE = GridRule(most_iterations=1, smoothing=Smoothing(), cross_validate=False)
 
 
@@ -59,10 +63,10 @@ class Corrected:
     def once(
         cls,
         plan: Mapping[str, object],
-        by_camera: bool = False,
+        by: SetsBy = "all",
         interpolation: Interpolation = "bilinear",
     ) -> Corrected:
-        """Corrected once by plain means of 3 × 3 sub-areas; radial errors of 8 µm at 50 mm, uneven σ,
+        """Once by plain means of 3 × 3 sub-areas; radial errors of 8 µm at 50 mm, σ uneven and too small,
         every 40th image point rejected.
         """
         scene = two_strips(
@@ -70,13 +74,16 @@ class Corrected:
         )
         block, rays = scene.block, scene.observations.image_points
         outwards = 8e-6 * rays.xy * np.sum(rays.xy**2, axis=1, keepdims=True) / 0.05**3
-        uneven = np.random.default_rng(6).uniform(0.8, 1.2, (len(rays.image), 1)) * [1.0, 1.5]
+        uneven = np.random.default_rng(6).uniform(0.4, 0.6, (len(rays.image), 1)) * [1.0, 1.5]
         active = np.arange(len(rays.image)) % 40 > 0
         measured = replace(rays, xy=rays.xy + outwards, sigma=rays.sigma * uneven, active=active)
         observations = replace(scene.observations, image_points=measured)
         first = adjust_block(block, observations)
-        sets = block.camera_of_image if by_camera else np.zeros_like(block.camera_of_image)
-        grids = [FormatCells.of(camera.half_format, 3) for camera in block.cameras[: sets.max() + 1]]
+        image = np.arange(len(block.images))
+        sets = {"all": 0 * image, "camera": block.camera_of_image, "half": image % 2}[by]
+        grids = [
+            FormatCells.of(block.cameras[k % len(block.cameras)].half_format, 3) for k in np.unique(sets)
+        ]
         found = iterate_grid(block, first, grids, sets, replace(ONCE, interpolation=interpolation))
         points = corrected(measured, found.fields, sets, interpolation)
         result = adjust_block(block, replace(observations, image_points=points))
@@ -207,27 +214,27 @@ class Dense:
 
 
 @pytest.mark.parametrize(
-    ("plan", "by_camera", "interpolation"),
+    ("plan", "by", "interpolation"),
     [
-        ({"free": FREE}, False, "bilinear"),
-        ({"free": HELD}, False, "cell"),
-        ({"free": HELD, "heads": 2}, False, "bilinear"),
-        ({"free": HELD, "heads": 2}, True, "cell"),
-        ({"free": HELD, "cameras": 2}, True, "bilinear"),
+        ({"free": FREE}, "all", "bilinear"),
+        ({"free": HELD}, "half", "cell"),
+        ({"free": HELD, "heads": 2}, "all", "bilinear"),
+        ({"free": HELD, "heads": 2}, "camera", "cell"),
+        ({"free": HELD, "cameras": 2}, "camera", "bilinear"),
     ],
 )
 def test_errors_of_everything_are_those_of_full_matrices(
     plan: dict[str, object],
-    by_camera: bool,
+    by: SetsBy,
     interpolation: Interpolation,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    once = Corrected.once(plan, by_camera, interpolation)
+    once = Corrected.once(plan, by, interpolation)
     monkeypatch.setattr(remaining_errors_module, "_NEGLECTED", -1.0)
     errors = once.with_errors().cofactor.corrections
     assert errors is not None
     dense, first = Dense(once, errors.parts), 0
-    assert dense.expected.sigma > 1e-6
+    assert dense.expected.evidence > 12.0
     dense.assert_alike(dense.found(errors, once.result), dense.of_everything())
     for places, sigma in zip(dense.places, errors.sigma, strict=True):
         part = slice(first, first := first + places.count)
@@ -239,35 +246,35 @@ def test_errors_of_everything_are_those_of_full_matrices(
         np.testing.assert_array_equal(free, errors.of_unknowns.of_border[columns[columns >= 0]])
 
 
-def test_errors_of_sets_that_are_too_many_together_are_independent(monkeypatch: pytest.MonkeyPatch) -> None:
-    once = Corrected.once({"free": HELD, "cameras": 2}, True)
+@pytest.mark.parametrize("heads_or_cameras", ["heads", "cameras"])
+def test_errors_of_sets_that_are_too_many_together_are_independent(
+    heads_or_cameras: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    once = Corrected.once({"free": HELD, heads_or_cameras: 2}, "camera")
     monkeypatch.setattr(remaining_errors_module, "_NEGLECTED", -1.0)
+    monkeypatch.setattr(remaining_errors_module, "MOST_CELLS", 9)
     monkeypatch.setattr(mean_response_module, "MOST_TOGETHER", 17)
     errors = once.errors()
     assert errors is not None
     first, second = (
-        Dense(
-            replace(once, fields=tuple(own if k == number else None for k, own in enumerate(once.fields))),
-            errors.parts,
-        )
-        for number in (0, 1)
+        Dense(replace(once, fields=fields), errors.parts)
+        for fields in ((once.fields[0], None), (None, once.fields[1]))
     )
     first.assert_alike(first.found(errors, once.result), first.of_everything(), second.of_everything())
     assert errors.sigma == pytest.approx([first.expected.sigma, second.expected.sigma], rel=1e-4)
 
 
-def test_what_is_left_out_is_a_small_part_of_every_variance(once: Corrected) -> None:
-    dense, result = Dense(once, (3,)), once.with_errors()
-    added = result.covariance(parameters=["interior_orientation"]).matrix
-    added -= once.result.covariance(parameters=["interior_orientation"]).matrix
-    columns = dense.border[result.layout.columns[INTERIOR_ORIENTATION].ravel()]
-    expected = (dense.effect @ dense.errors)[columns] @ (dense.effect @ dense.errors)[columns].T
-    own = once.result.sigma0**2 * dense.cofactor[np.ix_(columns, columns)]
-    left_out = np.linalg.eigvalsh(
-        np.linalg.solve(np.linalg.cholesky(own), expected - added) @ np.linalg.inv(np.linalg.cholesky(own)).T
-    )
-    assert left_out.min() > -1e-6
-    assert left_out.max() < 0.005
+def test_what_is_left_out_is_a_small_part_of_every_variance() -> None:
+    # The largest ratios to σ0² N⁻¹ of variances that independent combinations of errors add.
+    once = Corrected.once({"free": HELD, "heads": 2})
+    errors = once.errors()
+    assert errors is not None
+    dense, sigma0 = Dense(once, errors.parts), once.result.sigma0
+    added = dense.effect @ dense.errors
+    ratio = np.linalg.eigvalsh(added.T @ np.linalg.solve(dense.cofactor, added)) / sigma0**2
+    more, kept, fewer = (np.count_nonzero(ratio > least) for least in (0.005 / sigma0, 0.005, 0.01))
+    assert fewer < kept < more
+    assert errors.of_unknowns.count == kept
 
 
 def test_parameters_are_those_of_the_corrections(once: Corrected) -> None:
@@ -298,6 +305,32 @@ def test_every_sigma_grows_and_that_of_predicted_control_points_too(once: Correc
     assert np.all(grown[np.isfinite(before.difference)] > 0.0)
     used = result.active_point
     assert np.all(sigma_of_points(result)[used] > sigma_of_points(once.result)[used])
+
+
+def test_predictions_of_rejected_control_points_and_of_folds_get_errors_and_stay_what_they_are() -> None:
+    scene = two_strips(free=HELD, noise_seed=5, points_along=20, points_across=10)
+    control, *others = scene.observations.others
+    assert isinstance(control, ControlPoints)
+    given = control.given.copy()
+    given[2, 0] += 2.0  # known in plan only
+    observations = replace(scene.observations, others=(replace(control, given=given), *others))
+    options = AdjustmentOptions(critical_value=4.13, control_folds=3)
+    result = adjust_block(scene.block, observations, options)
+    assert (result.groups[1].status[2] == ObservationStatus.REJECTED).tolist() == [True, True, False]
+    cells = FormatCells.of(scene.block.cameras[0].half_format, 3)
+    random = 3e-6 * np.random.default_rng(1).normal(size=(cells.count, 2))
+    found = Corrected.of_one_set(result, CorrectionField(cells, random)).with_errors()
+    for before, after in (
+        (result.left_out_singly, found.left_out_singly),
+        (result.left_out_by_fold, found.left_out_by_fold),
+    ):
+        assert isinstance(before, ControlCheck)
+        assert isinstance(after, ControlCheck)
+        np.testing.assert_array_equal(after.fold, before.fold)
+        np.testing.assert_array_equal(after.difference, before.difference)
+        np.testing.assert_allclose(after.cofactor, before.cofactor, rtol=1e-9)
+        grown = np.diagonal(after.considered - before.considered, axis1=1, axis2=2)
+        assert np.all(grown[np.isfinite(before.difference)] > 0.0)
 
 
 def test_nothing_corrected_is_nothing_left_and_too_many_cells_are_not_computed(once: Corrected) -> None:
@@ -390,13 +423,36 @@ def test_where_nothing_was_corrected_what_means_indicate_is_left_all_the_same() 
     assert grown.max() < 1.15
 
 
-def test_sub_areas_with_few_image_points_are_not_divided(once: Corrected) -> None:
-    errors = once.errors()
-    assert errors is not None
-    chosen = controlled(once.result.groups[0])
-    assert 9 * 3**2 <= chosen.sum(axis=0).max() // 5 < 9 * 5**2
-    assert errors.parts == (3,)
-    division = FormatCells.of(once.result.block.cameras[0].half_format, 8)
-    fine = replace(once, fields=(CorrectionField(division, np.zeros((division.count, 2))),)).errors()
-    assert fine is not None
-    assert fine.parts == (1,)
+def without_corrections(result: AdjustmentResult, number: int, by: SetsBy) -> Corrected:
+    """Corrections of zero in so many sub-areas along a side, of all images or of every camera."""
+    count = 1 if by == "all" else len(result.block.cameras)
+    grids = [FormatCells.of(camera.half_format, number) for camera in result.block.cameras[:count]]
+    fields = tuple(CorrectionField(cells, np.zeros((cells.count, 2))) for cells in grids)
+    sets = result.block.camera_of_image if by == "camera" else np.zeros_like(result.block.camera_of_image)
+    return Corrected(result, fields, sets)
+
+
+def test_sub_areas_are_divided_as_far_as_residuals_of_their_set_and_time_allow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    result = Corrected.once({"free": HELD, "heads": 2}).result
+
+    def parts(number: int, by: SetsBy) -> tuple[int | None, ...]:
+        errors = without_corrections(result, number, by).errors()
+        assert errors is not None
+        return tuple(errors.parts)
+
+    chosen = controlled(result.groups[0])
+    of_first = (result.block.camera_of_image[result.observations.image_points.image] == 0)[:, None]
+    first, both = (int(own.sum(axis=0).max()) // LEAST_IN_CELL for own in (chosen & of_first, chosen))
+    assert 3**2 * 5**2 <= both < 3**2 * 7**2
+    assert parts(3, "all") == (5,)
+    # An even number has no part at the middle.
+    assert 6**2 * 2**2 <= both < 6**2 * 3**2 <= 2 * both
+    assert parts(6, "all") == (1,)
+    assert 3**2 * 3**2 <= first < 4**2 * 3**2 <= both
+    assert parts(3, "camera") == (3, 3)
+    assert parts(4, "camera")[0] == 1
+    monkeypatch.setattr(remaining_errors_module, "MOST_TOGETHER", 2 * 3**2 * 3**2 - 1)
+    assert parts(3, "camera") == (1, 1)
+    assert parts(3, "all") == (5,)
