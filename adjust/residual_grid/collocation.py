@@ -65,9 +65,7 @@ def collocate(
     before = sets.means(start)
     tried = _tried_on_halves(result, sets, start) if rule.cross_validate else ()
     now, steps = _Corrected(_nothing(before), start, before), [grid_step(0, start, before)]
-    without = GridIteration(
-        now.fields, before, before, start.state, tuple(steps), tried, "cross_validation", "collocation"
-    )
+    without = GridIteration(now.fields, start.state, tuple(steps), tried, "cross_validation", "collocation")
     if tried and tried[1].mean_rms > tried[0].mean_rms:
         return without
     responses = _responses(result, sets, now)
@@ -84,7 +82,6 @@ def collocate(
     return replace(
         without,
         fields=now.fields,
-        after=now.means,
         state=now.adjusted.state,
         steps=tuple(steps),
         reason=reason,
@@ -155,5 +152,5 @@ def _tried_on_halves(result: AdjustmentResult, sets: ImageSets, start: Readjuste
         now = _Corrected(_nothing(means), start, means)
         found.append(now.following(own, _responses(result, own, now))[0])
     first, second = found
-    after = replace(halves, fields=(first.fields, second.fields), now=(first.adjusted, second.adjusted))
+    after = replace(halves, now=(first.adjusted, second.adjusted))
     return halves.step(0), after.step(1)

@@ -64,7 +64,6 @@ class GridIteration:
     Attributes
     ----------
     fields : the correction of each set of images.
-    before, after : the mean residuals before the first step and after the last.
     state : adjusted values with the corrections.
     steps : before the first step and after each.
     cross_validation : likewise; empty where it was not requested or the halves have too few image points.
@@ -73,8 +72,6 @@ class GridIteration:
     """
 
     fields: Fields
-    before: Grids
-    after: Grids
     state: State
     steps: tuple[GridStep, ...]
     cross_validation: tuple[CrossStep, ...]
@@ -126,7 +123,7 @@ def iterate_grid(
     sets = ImageSets.of(block, result, cells, grid_of_image, rule, options)
     fields = start or tuple(None if own is None else CorrectionField.zero(own) for own in cells)
     now = Readjusted.of(result)
-    before = means = sets.means(now)
+    means = sets.means(now)
     halves = ImageHalves.of(sets, fields, now) if rule.cross_validate else None
     steps = [grid_step(0, now, means)]
     tried = [] if halves is None else [halves.step(0)]
@@ -145,7 +142,7 @@ def iterate_grid(
         now = sets.adjusted(fields, now.state)
         means = sets.means(now)
         steps.append(grid_step(number, now, means))
-    return GridIteration(fields, before, means, now.state, tuple(steps), tuple(tried), reason)
+    return GridIteration(fields, now.state, tuple(steps), tuple(tried), reason)
 
 
 def grid_step(number: int, now: Readjusted, means: Grids) -> GridStep:

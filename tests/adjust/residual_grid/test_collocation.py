@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +12,17 @@ from adjust.adjustment import adjust_block
 from adjust.arrays import Floats, Ints
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import BORESIGHT
+from adjust.residual_grid import mean_response
 from adjust.residual_grid.collocation import collocate
-from adjust.residual_grid.format_cells import FormatCells
+from adjust.residual_grid.controlled_residuals import controlled
+from adjust.residual_grid.expected_field import ExpectedField
+from adjust.residual_grid.format_cells import FormatCells, Interpolation
 from adjust.residual_grid.image_correction import CorrectionField, corrected
 from adjust.residual_grid.image_sets import GridRule
 from adjust.residual_grid.iteration import GridIteration, iterate_grid
+from adjust.residual_grid.mean_response import MeanResponse
 from adjust.residual_grid.remaining_errors import remaining_errors, with_correction_errors
+from adjust.residual_grid.residual_grid import residual_grid
 from adjust.result import AdjustmentResult
 from adjust.result_columns import sigma_of_points
 from adjust.rig import RELATIVE_ROTATION
@@ -67,16 +73,17 @@ def every_image(test: CameraTest) -> Ints:
     return np.zeros_like(test.block.camera_of_image)
 
 
-def test_the_first_correction_is_that_of_full_matrices() -> None:
+@pytest.mark.parametrize("interpolation", ["bilinear", "cell"])
+def test_the_first_correction_is_that_of_full_matrices(interpolation: Interpolation) -> None:
     scene = two_strips(noise_seed=3, free=FREE, distances=2, points_along=20, points_across=10)
     block, rays = scene.block, scene.observations.image_points
     shifted = replace(rays, xy=rays.xy + outwards(rays.xy, 4e-5))
     result = adjust_block(block, replace(scene.observations, image_points=shifted))
     division = FormatCells.of(block.cameras[0].half_format, 3)
-    rule = GridRule(most_iterations=1, cross_validate=False)
+    rule = GridRule(most_iterations=1, interpolation=interpolation, cross_validate=False)
     found = collocate(block, result, (division,), block.camera_of_image, rule)
     zero = CorrectionField(division, np.zeros((division.count, 2)))
-    dense = Dense(Corrected.of_one_set(result, zero), (None,))
+    dense = Dense(replace(Corrected.of_one_set(result, zero), interpolation=interpolation), (None,))
     (field,) = found.fields
     assert field is not None
     known = np.isfinite(field.value)
@@ -140,6 +147,43 @@ def test_sets_of_images_are_corrected_until_nothing_changes() -> None:
         assert np.corrcoef(left.ravel(), there.ravel())[0, 1] > 0.9
 
 
+def test_sets_that_take_turns_do_so_until_none_of_them_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The errors of the second set are a third of those of the first: its changes alone would end too early.
+    test = high_block(NOTHING, gnss=True)
+    second = (np.arange(len(test.block.images)) >= 20).astype(np.int64)
+    _, result = erroneous(test, np.where(second, 1.0 / 3.0, 1.0))
+    monkeypatch.setattr(mean_response, "MOST_TOGETHER", 81)
+    rule = GridRule(8, cross_validate=False, settled=3.0)
+    found = collocate(test.block, result, (cells(9), cells(9)), second, rule)
+    assert (found.taken, found.reason) == (2, "settled")
+
+
+@pytest.mark.parametrize(("size", "is_evident"), [(0.05, False), (0.08, True)])
+def test_errors_are_corrected_from_where_they_are_evident(size: float, is_evident: bool) -> None:
+    # Twice the logarithm of the ratio of the probabilities is 8 and 19.
+    test = high_block(NOTHING, gnss=True)
+    _, result = erroneous(test, np.full(len(test.block.images), size))
+    found = collocate(test.block, result, (cells(9),), every_image(test), GridRule(1, cross_validate=False))
+    assert (found.taken, found.reason) == ((1, "limit") if is_evident else (0, "nothing_to_model"))
+
+
+def test_corrections_stay_where_means_are_no_evidence_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    test, expected = high_block(NOTHING, gnss=True), MeanResponse.expected
+    _, result = erroneous(test, np.ones(len(test.block.images)))
+    steps = iter((True, False))
+
+    def fading(response: MeanResponse, *given: Any) -> tuple[ExpectedField, Floats]:
+        field, wrong = expected(response, *given)
+        return replace(field, evidence=field.evidence * next(steps)), wrong
+
+    monkeypatch.setattr(MeanResponse, "expected", fading)
+    rule = GridRule(8, cross_validate=False, settled=0.0)
+    found = collocate(test.block, result, (cells(9),), every_image(test), rule)
+    assert (found.taken, found.reason) == (2, "settled")
+    assert found.fields[0] is not None
+    assert np.nanmax(np.abs(found.fields[0].value)) > 1e-6
+
+
 @pytest.mark.slow
 def test_heads_of_a_rig_are_corrected_together_within_their_sigma() -> None:
     scene = two_strips(
@@ -181,8 +225,8 @@ def test_a_set_without_images_and_cells_without_means_have_no_corrections() -> N
     found = collocate(
         test.block, test.result, (cells(9), None), every_image(test), GridRule(1, cross_validate=False)
     )
-    field, before = found.fields[0], found.before[0]
+    field, rays, residuals = found.fields[0], test.observations.image_points, test.result.groups[0]
     assert field is not None
-    assert before is not None
     assert found.fields[1] is None
+    before = residual_grid(cells(9), rays.xy, residuals.residual, controlled(residuals))
     np.testing.assert_array_equal(np.isfinite(field.value), np.isfinite(before.mean))

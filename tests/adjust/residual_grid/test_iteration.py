@@ -171,11 +171,11 @@ def _root_mean_square(values: Floats, weight: Floats | float = 1.0) -> float:
 def test_no_iterations_change_nothing(tiles: CameraTest) -> None:
     found = _iterated(tiles, GridRule(most_iterations=0))
     # What is judged is the mean residuals of all images, and of every second one.
-    before, rays = found.before[0], tiles.result.groups[0]
-    assert before is not None
+    rays, points = tiles.result.groups[0], tiles.observations.image_points
+    chosen = controlled(rays)
+    before = residual_grid(cells(25), points.xy, rays.residual, chosen)
     assert found.steps[0].rms == pytest.approx(_root_mean_square(before.mean))
     assert found.steps[0].noise == pytest.approx(_root_mean_square(before.sigma))
-    chosen, points = controlled(rays), tiles.observations.image_points
     halves = [
         residual_grid(cells(25), points.xy[own], rays.residual[own], chosen[own])
         for own in (points.image % 2 == 0, points.image % 2 == 1)
