@@ -126,8 +126,10 @@ def test_what_means_do_not_tell_has_a_limit() -> None:
     c = 2 * cells.count
     means = np.random.default_rng(3).normal(size=c)
     found = expected(cells, means, np.zeros((c, c)), np.eye(c))
-    assert np.isfinite(found.root).all()
-    assert found.sigma < 20.0 * float(np.sqrt(np.mean(means**2)))
+    # Of three fields and of a radial one, each of a hundred times the mean square of the means.
+    distance = np.linalg.norm(cells.middles, axis=1)
+    radial = 0.5 * np.mean((distance / distance.max()) ** 2)
+    assert found.sigma == pytest.approx(10.0 * np.sqrt((3.0 + radial) * np.mean(means**2)), rel=1e-3)
     np.testing.assert_allclose(found.value, 0.0, atol=1e-9)
 
 
