@@ -7,7 +7,7 @@ import pytest
 
 from adjust.arrays import Floats, Ints
 from adjust.residual_grid.controlled_residuals import controlled
-from adjust.residual_grid.format_cells import FormatCells
+from adjust.residual_grid.format_cells import FormatCells, Interpolation
 from adjust.residual_grid.within_cells import WithinCells, within_cells
 from tests.adjust.calibration.camera_errors import NOTHING, TILES, high_block
 from tests.adjust.calibration.camera_errors import cells as cells_of
@@ -23,9 +23,11 @@ def places(random: np.random.Generator, number: int = 4000) -> tuple[Ints, Float
     return np.arange(number) % 40, random.uniform(-1.0, 1.0, (number, 2)) * HALF
 
 
-def found(image: Ints, xy: Floats, residual: Floats) -> WithinCells:
+def found(
+    image: Ints, xy: Floats, residual: Floats, interpolation: Interpolation = "bilinear"
+) -> WithinCells:
     every = np.ones(residual.shape, dtype=bool)
-    item = within_cells(CELLS, "bilinear", image, xy, residual, every)
+    item = within_cells(CELLS, interpolation, image, xy, residual, every)
     assert item is not None
     return item
 
@@ -43,13 +45,25 @@ def test_noise_of_any_size_is_called_an_error_as_often_as_stated() -> None:
     assert 0.41 < np.mean(np.array(probability) < 0.5) < 0.59
 
 
-def test_corrections_of_the_sub_areas_change_nothing() -> None:
+@pytest.mark.parametrize("interpolation", ["bilinear", "cell"])
+def test_corrections_of_the_sub_areas_change_nothing(interpolation: Interpolation) -> None:
     random = np.random.default_rng(1)
     image, xy = places(random)
     noise = MICROMETRE * random.normal(size=xy.shape)
-    correction = CELLS.interpolate(5.0 * MICROMETRE * random.normal(size=(CELLS.count, 2)), xy, "bilinear")
-    one, other = found(image, xy, noise), found(image, xy, noise + correction)
+    values = 5.0 * MICROMETRE * random.normal(size=(CELLS.count, 2))
+    correction = CELLS.interpolate(values, xy, interpolation)
+    one, other = (found(image, xy, noise + own, interpolation) for own in (0.0, correction))
     assert other.probability == pytest.approx(one.probability, rel=1e-4)
+    # Every second one of the images is meant, not of their numbers in the block.
+    assert found(2 * image, xy, noise, interpolation) == one
+
+
+def test_sub_areas_without_image_points_do_not_matter() -> None:
+    random = np.random.default_rng(7)
+    image, xy = places(random)
+    corner = np.all(xy > 0.2 * np.array(HALF), axis=1)
+    item = found(image[~corner], xy[~corner], random.normal(size=xy.shape)[~corner])
+    assert 0.01 < item.probability < 1.0
 
 
 def test_errors_within_the_sub_areas_have_their_size() -> None:
@@ -65,6 +79,10 @@ def test_errors_within_the_sub_areas_have_their_size() -> None:
     of_half = np.where((image % 2 == 0)[:, None], errors, 0.0)
     noise = 3.0 * MICROMETRE * random.normal(size=xy.shape)
     assert found(image, xy, of_half + noise).probability > 0.01
+    # Nor is what they contradict each other in.
+    opposite = found(image, xy, np.where((image % 2 == 0)[:, None], errors, -errors) + noise)
+    assert opposite.rms == 0.0
+    assert opposite.probability > 0.99
 
 
 def test_each_coordinate_counts_as_far_as_it_is_chosen() -> None:
