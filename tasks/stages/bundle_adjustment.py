@@ -234,8 +234,9 @@ def _examined_model(
 ) -> ExaminedModel:
     """The alternatives of the model, tested at the adjusted values."""
     block = adjusted.block
+    at_adjusted = replace(block, object_point=adjusted.result.state.object_point)
     alternatives = (
-        *model_alternatives(block, prepared.given, prepared.observations, prepared.cameras),
+        *model_alternatives(at_adjusted, prepared.given, prepared.observations, prepared.cameras),
         *single_errors(adjusted),
     )
     models = [item.model for item in alternatives]
