@@ -45,6 +45,12 @@ def opk(angle: Array) -> Array:
     return about(0, angle[..., 0]) @ about(1, angle[..., 1]) @ about(2, angle[..., 2])
 
 
+def angles_of(r: Array) -> Array:
+    """ω, φ, κ of matrices (n, 3, 3)."""
+    omega, phi = np.arctan2(-r[:, 1, 2], r[:, 2, 2]), np.arcsin(r[:, 0, 2])
+    return np.column_stack([omega, phi, np.arctan2(-r[:, 0, 1], r[:, 0, 0])])
+
+
 def rpy(angle: Array) -> Array:
     """R_z(yaw) R_y(pitch) R_x(roll) of roll, pitch, yaw (…, 3)."""
     return about(2, angle[..., 2]) @ about(1, angle[..., 1]) @ about(0, angle[..., 0])

@@ -32,6 +32,7 @@ from tests.golden.delivered_block import (
     Results,
     Solved,
     about,
+    angles_of,
     block_diagonal,
     brown,
     inverse,
@@ -595,12 +596,6 @@ def test_what_holds_the_datum(oracle: Oracle) -> None:
         same(figure["sigma"], 1.0 / np.sqrt(total), figure["direction"], tolerance=1e-6)
         for name, share in figure["held_by"].items():
             same(share, information[group == name, k].sum() / total, name, tolerance=1e-6)
-
-
-def angles_of(r: Array) -> Array:
-    """ω, φ, κ of matrices (n, 3, 3)."""
-    omega, phi = np.arctan2(-r[:, 1, 2], r[:, 2, 2]), np.arcsin(r[:, 0, 2])
-    return np.column_stack([omega, phi, np.arctan2(-r[:, 0, 1], r[:, 0, 0])])
 
 
 def test_variance_components(oracle: Oracle) -> None:
