@@ -36,6 +36,7 @@ from tests.golden.delivered_block import (
     block_diagonal,
     brown,
     inverse,
+    named,
     opk,
     part_of,
     turned,
@@ -181,8 +182,8 @@ class Oracle:
     @cached_property
     def free(self) -> dict[tuple[str, str], int]:
         """Columns of the system parameters that are estimated."""
-        named = (name for name, k in self.block.number.items() if self.block.free[k])
-        return {name: self.border + k for k, name in enumerate(named)}
+        names = [name for name, k in self.block.number.items() if self.block.free[k]]
+        return {name: self.border + k for k, name in enumerate(names)}
 
     def unit_of(self, name: tuple[str, str]) -> float:
         return float(self.block.factor[self.block.number[name]])
@@ -630,3 +631,101 @@ def test_variance_components(oracle: Oracle) -> None:
         own = item["degrees_of_freedom"]
         limits = item["factor"] * np.sqrt(own / stats.chi2.ppf([1.0 - share, share], own))
         same([item["factor_lower"], item["factor_upper"]], limits, "limits of a factor")
+
+
+def image_residuals(oracle: Oracle) -> pd.DataFrame:
+    """Residuals of image points (µm) and where they are (mm), one row for each."""
+    table = oracle.residuals.reset_index()
+    table = table[table["group"] == "image_points"]
+    wide = table.pivot_table(index=["image", "point"], columns="component", values=["residual", "redundancy"])
+    wide.columns = [f"{name}_{axis}" for name, axis in wide.columns]
+    places = oracle.results.table("image_points").set_index(["image", "point"])
+    return wide.join(places[["x_mm", "y_mm"]])
+
+
+def test_mean_residuals(oracle: Oracle) -> None:
+    rays, grid = image_residuals(oracle), oracle.results.table("residual_grid")
+    tested = 0
+    for cell in grid.to_dict("records"):
+        inside = np.abs(rays["x_mm"] - cell["x_mm"]) <= cell["width_mm"] / 2
+        inside &= np.abs(rays["y_mm"] - cell["y_mm"]) <= cell["height_mm"] / 2
+        counted = {axis: rays[inside & (rays[f"redundancy_{axis}"] > 0.2)] for axis in "xy"}
+        for axis, own in counted.items():
+            assert cell[f"count_v{axis}"] == len(own)
+            v = own[f"residual_{axis}"]
+            mean, sigma = (v.mean(), v.std() / np.sqrt(len(v))) if len(v) >= 5 else (np.nan, np.nan)
+            np.testing.assert_allclose(cell[f"mean_v{axis}_um"], mean, rtol=1e-9)
+            np.testing.assert_allclose(cell[f"sigma_v{axis}_um"], sigma, rtol=1e-9)
+        numbers = np.array([len(counted[axis]) for axis in "xy"])
+        if numbers.min() < 5:
+            continue
+        both = counted["x"].loc[counted["x"].index.intersection(counted["y"].index)]
+        mean = np.array([cell["mean_vx_um"], cell["mean_vy_um"]])
+        variance = np.array([cell["sigma_vx_um"], cell["sigma_vy_um"]]) ** 2
+        apart = both[["residual_x", "residual_y"]].to_numpy() - mean
+        mixed = np.sum(apart[:, 0] * apart[:, 1]) / (len(both) - 1) * len(both) / numbers.prod()
+        c = np.array([[variance[0], mixed], [mixed, variance[1]]])
+        n = stats.hmean(numbers)
+        square = mean @ np.linalg.solve(c, mean)
+        expected = stats.f.sf(square * (n - 2) / (2 * (n - 1)), 2, n - 2)
+        np.testing.assert_allclose(cell["p_value"], expected, rtol=1e-7)
+        assert cell["significant"] == (expected < 0.05)
+        tested += 1
+    assert tested
+    (figure,) = oracle.results.summary["residual_grid"]["cameras"]
+    for k, axis in enumerate("xy"):
+        rms = float(np.sqrt((grid[f"mean_v{axis}_um"] ** 2).mean()))
+        noise = float(np.sqrt((grid[f"sigma_v{axis}_um"] ** 2).mean()))
+        signal = np.sqrt(max(rms**2 - noise**2, 0.0))
+        found = [figure[name][k] for name in ("rms_um", "noise_um", "signal_um")]
+        np.testing.assert_allclose(found, [rms, noise, signal], rtol=1e-9, atol=1e-12)
+        assert figure["residuals"][k] == grid[f"count_v{axis}"].sum()
+    assert figure["significant"] == grid["significant"].sum()
+
+
+def test_correlation_of_neighbouring_residuals(oracle: Oracle) -> None:
+    rays, table = image_residuals(oracle), oracle.results.table("residual_autocorrelation")
+    for axis, classes in table.groupby("component"):
+        counted = rays[rays[f"redundancy_{axis}"] > 0.2]
+        in_image = counted.groupby("image").size()
+        typical = (in_image**2).sum() / in_image.sum()  # an image weighs with its pairs
+        values, products = counted[f"residual_{axis}"], list[Array]()
+        for _, own in counted.groupby("image"):
+            i, j = np.triu_indices(len(own), 1)
+            place, v = own[["x_mm", "y_mm"]].to_numpy(), values[own.index].to_numpy()
+            products.append(np.column_stack([np.linalg.norm(place[i] - place[j], axis=1), v[i] * v[j]]))
+        distance, product = np.vstack(products).T
+        for row in classes.to_dict("records"):
+            own = (distance > row["distance_from_mm"]) & (distance <= row["distance_to_mm"])
+            assert row["pairs"] == own.sum()
+            if own.any():
+                correlation = product[own].mean() / (values**2).mean()
+                np.testing.assert_allclose(row["correlation"], correlation, rtol=1e-6, atol=1e-9)
+                np.testing.assert_allclose(row["limit"], 3.0 / np.sqrt(own.sum()) + 6.0 / typical, rtol=1e-6)
+                relative = np.sqrt(2.0 * (1.0 - correlation) * (values**2).mean())
+                np.testing.assert_allclose(row["sigma_relative_um"], relative, rtol=1e-6)
+                assert row["correlated"] == (abs(row["correlation"]) > row["limit"])
+
+
+def test_self_calibration(oracle: Oracle) -> None:
+    offered = [name for name in oracle.free if ":" in name[0]]
+    if not offered:
+        assert not (oracle.results.folder / "self_calibration.parquet").exists()
+        return
+    table = oracle.results.table("self_calibration")
+    assert set(named(table)) == set(offered)
+    q = oracle.dense.q[oracle.border :, oracle.border :]
+    correlation = q / np.outer(oracle.spread[oracle.border :], oracle.spread[oracle.border :])
+    names, inverse_diagonal = list(oracle.free), np.diagonal(np.linalg.inv(correlation))
+    adjusted = oracle.results.table("parameters").set_index(["parameter", "entity"])
+    for row in table.to_dict("records"):
+        name = (row["parameter"], row["entity"])
+        k = names.index(name)
+        for ours, theirs in (("value", "value"), ("sigma", "sigma"), ("t", "t"), ("t_of_all", "t")):
+            np.testing.assert_allclose(row[ours], adjusted.loc[name, theirs], rtol=1e-6, err_msg=ours)
+        others = np.where(np.arange(len(names)) == k, 0.0, correlation[k])
+        strongest = int(np.argmax(np.abs(others)))
+        np.testing.assert_allclose(row["strongest_correlation"], others[strongest], rtol=1e-5, atol=1e-9)
+        assert (row["correlated_parameter"], row["correlated_entity"]) == names[strongest]
+        together = np.sqrt(1.0 - 1.0 / inverse_diagonal[k])
+        np.testing.assert_allclose(row["total_correlation"], together, rtol=1e-5)
