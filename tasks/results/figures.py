@@ -18,8 +18,8 @@ class GroupFigure(Figure):
 
     Attributes
     ----------
-    observations, rejected, uncontrolled : single coordinates and angles.
-    rows, rejected_rows : points, positions, …, and those of which a component was rejected.
+    observations, uncontrolled : single coordinates and angles used, and those of them without control.
+    rows, rejected_rows : points, positions, …, and those with a rejected component; ``rejected`` is the same.
     """
 
     group: str

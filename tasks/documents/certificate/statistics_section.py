@@ -217,7 +217,8 @@ def group_table(results: Material) -> Table:
         for group in shown
     )
     note = (
-        "Largest residuals of the observations used. An observation beyond the critical value is "
+        "Observations are single coordinates and angles that were used; rejected are points, positions and "
+        "attitudes. Largest residuals of the observations used. An observation beyond the critical value is "
         "rejected; where all its components are tested together, a single one may exceed it."
     )
     if len(shown) < len(results.figures.groups):
