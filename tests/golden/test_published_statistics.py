@@ -1,4 +1,4 @@
-"""Every statistic of an adjustment by dense algebra, from the delivered files and the adjusted values.
+"""Statistics of an adjustment by dense algebra, from the delivered files and the adjusted values.
 
 The equations are those of `delivered_block`; the package is used only to simulate and to adjust. Formulas:
 docs/theory/adjustment.md.
