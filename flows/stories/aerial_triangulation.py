@@ -31,6 +31,7 @@ write_deliveries = stage(delivery.deliver)
 
 def aerial_triangulation(project: Project, store: Store) -> Summary:
     """Read the files, find approximate values, adjust the bundle, report, publish and deliver the result."""
+    publishing.require_replaceable(store, publishing.OF_EVERY_ADJUSTMENT)
     block = prepare_block(project, store)
     adjusted = adjusted_block(project, store, block, trust_map=project.trust_map)
     remarks = remarks_on(adjusted, store)

@@ -38,8 +38,10 @@ def direct_georeferencing_check(project: Project, store: Store) -> Summary:
             "Adjust the block with its control points as check points (`role` check): their differences show "
             "what GNSS, INS and the calibration of the rig give together with the image points.",
         )
-    block = prepare_block(project, store)
     adjusts = project.direct_georeferencing.calibration.adjustment
+    certain = publishing.OF_EVERY_ADJUSTMENT if adjusts else publishing.OF_EVERY_CHECK
+    publishing.require_replaceable(store, certain)
+    block = prepare_block(project, store)
     stages = block.stages
     if adjusts:
         adjusted = adjusted_block(project, store, block)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from flows.runs.stage import stage
 from flows.stories.block_preparation import import_exposures
 from tasks.image_quality import publication
+from tasks.results import publish as publishing
 from tasks.results.summary import Summary
 from tasks.settings.load_image_quality import Examination
 from tasks.stages import image_quality as examination
@@ -37,6 +38,7 @@ def stages_of(wanted: Examination) -> tuple[str, ...]:
 
 def image_quality(wanted: Examination, store: Store) -> Summary:
     """Examine scenes and sensor, draw the page, certify what has been examined of a sensor, publish."""
+    publishing.require_replaceable(store, publishing.OF_EVERY_EXAMINATION)
     settings = wanted.settings
     examined = (*_scenes(wanted, store),)
     if settings.sensor is not None:

@@ -12,6 +12,7 @@ from flows.runs.stage import Attempt, stage
 from flows.runs.workers import workers
 from flows.stories.block_preparation import PreparedBlock, approximate_block, prepare_block
 from tasks.errors import AerocalError
+from tasks.results import publish as publishing
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
 from tasks.settings.published_sweep import published_table
@@ -53,6 +54,7 @@ def scenario_sweep(project: Project, variants: Mapping[str, Project], store: Sto
     project : with the settings of the sweep.
     variants : the project with the settings of each variant, by name.
     """
+    publishing.require_replaceable(store, publishing.OF_EVERY_SWEEP)
     sweep = project.sweep or SweepSettings()
     blocks = _prepared(variants, store)
     cases = [

@@ -80,6 +80,9 @@ def system_calibration(project: Project, store: Store) -> Summary:
     """
     if not project.inputs.image_points and project.calibration.adjusted is not None:
         return two_step_calibration(project, store, project.calibration.adjusted)
+    alone = len(project.cameras) == 1
+    certain = publishing.OF_EVERY_CALIBRATION if alone else publishing.OF_EVERY_ADJUSTMENT
+    publishing.require_replaceable(store, certain)
     project, remarks = observable(with_initial_calibrations(project))
     block = prepare_block(project, store, project.calibration.free)
     one = calibrated_block(project, store, block)

@@ -21,6 +21,7 @@ publish = stage(publishing.publish)
 
 def two_step_calibration(project: Project, store: Store, adjusted: ExposuresInput) -> Summary:
     """Read both orientations, average their differences, judge, report and publish the result."""
+    publishing.require_replaceable(store, publishing.OF_EVERY_TWO_STEP_CALIBRATION)
     delivered = delivered_orientations(project, adjusted, store)
     read = import_exposures(
         store, sources=project.inputs.exposures, cameras=project.cameras, project=project.project

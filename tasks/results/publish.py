@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from tasks.files.delivered_file import require_none_replaced
@@ -115,6 +115,52 @@ OF_CALIBRATIONS = (
     "burn_in_protocol.json",
     "burn_in_protocol.pdf",
 )
+
+#: What every adjustment publishes, whatever its project requests.
+OF_EVERY_ADJUSTMENT = (
+    "images",
+    "cameras",
+    "image_points",
+    "exposures",
+    "control_points",
+    "exterior_orientations",
+    "object_points",
+    "residuals",
+    "parameters",
+    "correlations",
+    "report",
+)
+#: The same of a check without an adjustment, of a calibration of a single camera, and of the other kinds.
+OF_EVERY_CHECK = ("images", "cameras", "image_points", "exposures", "control_points", "georeferencing_check")
+OF_EVERY_CALIBRATION = (
+    *OF_EVERY_ADJUSTMENT,
+    "calibration",
+    "certificate.html",
+    "certificate.json",
+    "certificate.pdf",
+)
+OF_EVERY_TWO_STEP_CALIBRATION = ("exposures", "cameras", "report")
+OF_EVERY_SWEEP = (*OF_SWEEPS, "sweep.html")
+OF_EVERY_EXAMINATION = ("image_quality",)
+
+
+def require_replaceable(store: Store, names: Collection[str]) -> None:
+    """Refuse a run at its beginning whose results would be refused at its end.
+
+    Parameters
+    ----------
+    names : of what it will publish for certain.
+
+    Raises
+    ------
+    InputError
+        If the last run has published one of them here, and it was changed since.
+    """
+    directory = store.folder.parent
+    last = read_manifest(directory)
+    if last is not None:
+        files = (entry.file for name, entry in last.artifacts.items() if name in names)
+        require_own(directory, last, files, coming=())
 
 
 def publish(

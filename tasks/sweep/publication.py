@@ -9,7 +9,7 @@ import pandas as pd
 
 from tasks.errors import NotComputableError
 from tasks.files.json_text import JSON, finite
-from tasks.results.publish import OF_SWEEPS, put_out
+from tasks.results.publish import OF_EVERY_SWEEP, put_out
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
 from tasks.store.artifact import Artifact
@@ -19,8 +19,6 @@ from tasks.store.store import Store
 from tasks.sweep.scenario import Computed
 from tasks.tables.parquet import read_table
 
-#: Names of what a sweep publishes, as in the manifest.
-_PUBLISHED = (*OF_SWEEPS, "sweep.html")
 _TEXTS = ("block", "control", "variant", "status", "reason")
 _NUMBERS = ("sigma0", "sigma0_um", "sigma0_ratio")
 _TRIPLES = ("rmse_control", "max_control", "rmse_check", "max_check")
@@ -54,7 +52,7 @@ def publish_sweep(
     summary = Summary.model_validate(
         {"status": "done", "timings_s": timings_s(records), "problems": reasons, "sweep": rows}
     )
-    put_out(store, project, [table["sweep"], page["sweep"]], summary, _PUBLISHED)
+    put_out(store, project, [table["sweep"], page["sweep"]], summary, OF_EVERY_SWEEP)
     return summary
 
 

@@ -16,7 +16,9 @@ import pytest
 import typer
 
 from flows.command.main import app
+from tasks.results.publish import OF_EVERY_ADJUSTMENT
 from tests.command_line import aerocal
+from tests.flows.refused_at_start import require_refused_at_start
 
 
 def one_line_error(done: subprocess.CompletedProcess[str]) -> str:
@@ -197,6 +199,23 @@ def test_a_file_of_somebody_else_is_not_replaced_by_results(warm_block: Path, na
     assert {key: value for key, value in after.items() if key not in told} == {
         key: value for key, value in before.items() if key not in told
     }
+
+
+def test_an_edited_report_is_refused_before_anything_is_computed(warm_block: Path) -> None:
+    results = warm_block.parent / "results"
+    require_refused_at_start(
+        results, "report.html", OF_EVERY_ADJUSTMENT, lambda: aerocal("run", warm_block, "--set", "gates={}")
+    )
+
+
+def test_an_edited_file_that_a_run_does_not_publish_again_stays(warm_block: Path) -> None:
+    assert aerocal("run", warm_block, "--set", "trust_map={}").returncode == 0
+    edited = warm_block.parent / "results" / "trust_map_cells.parquet"
+    edited.unlink()
+    edited.write_text("mine")
+    done = aerocal("run", warm_block)
+    assert done.returncode == 0, done.stderr
+    assert edited.read_text() == "mine"
 
 
 @pytest.mark.parametrize("address", ["http://127.0.0.1:9/api", "nonsense"])

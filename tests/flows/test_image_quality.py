@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from tasks.image_files.image_reader import raster_environment
 from tasks.image_quality.scenes import examined_scene
+from tasks.results.publish import OF_EVERY_EXAMINATION
 from tests.adjust.image_quality.synthetic_edges import scene
 from tests.command_line import aerocal
+from tests.flows.refused_at_start import require_refused_at_start
 
 BLURS = (0.4, 0.6)
 FACTORS = (1.208, 1.583)
@@ -103,6 +105,14 @@ def test_page_summary_and_tables_say_the_same(results: Path) -> None:
     assert set(json.loads((results / "manifest.json").read_text())["artifacts"]) == {
         "edges", "edge_means", "edge_responses", "noise_levels", "smears", "image_quality",
     }  # fmt: skip
+
+
+def test_an_edited_page_is_refused_before_anything_is_computed(results: Path, tmp_path: Path) -> None:
+    out = shutil.copytree(results, tmp_path / "results")
+    require_refused_at_start(
+        out, "image_quality.html", OF_EVERY_EXAMINATION,
+        lambda: aerocal("image-quality", results.parent / "quality.toml", "--out", out),
+    )  # fmt: skip
 
 
 def test_one_and_two_threads_find_the_same(small: Path) -> None:

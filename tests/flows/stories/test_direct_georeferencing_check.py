@@ -15,10 +15,12 @@ import pytest
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.direct_georeferencing_check import direct_georeferencing_check
+from tasks.results.publish import OF_EVERY_ADJUSTMENT, OF_EVERY_CHECK
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
 from tests.flows.adjustment_alone import adjustment_alone
+from tests.flows.refused_at_start import require_refused_at_start
 from tests.flows.second_head import add_second_head
 from tests.tasks.documents.report.page_reader import Page
 
@@ -434,6 +436,22 @@ def test_a_check_leaves_the_adjustment_where_it_is_and_an_adjustment_removes_the
     carry_out(aerial_triangulation, RunRequest(project))
     assert not (out / "y_parallaxes.parquet").exists()
     assert not (out / "georeferencing_check.html").exists()
+
+
+def test_an_edited_page_is_refused_before_anything_is_computed(
+    plain: Checked, other_flight: Path, tmp_path: Path
+) -> None:
+    out = shutil.copytree(plain.folder, tmp_path / "results")
+    require_refused_at_start(out, "georeferencing_check.html", OF_EVERY_CHECK, lambda: run(other_flight, out))
+
+
+def test_an_edited_report_of_the_own_adjustment_is_refused_before_anything_is_computed(
+    flight_of_its_own: Path,
+) -> None:
+    out = flight_of_its_own.parent / "results"
+    require_refused_at_start(
+        out, "report.html", OF_EVERY_ADJUSTMENT, lambda: run(flight_of_its_own, out, OWN)
+    )
 
 
 def test_the_command_shows_the_check_and_fails_with_its_gates(flight_of_its_own: Path) -> None:

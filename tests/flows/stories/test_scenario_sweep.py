@@ -17,9 +17,11 @@ import pytest
 
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from tasks.document_kit.table import NONE
+from tasks.results.publish import OF_EVERY_SWEEP
 from tests.command_line import aerocal
 from tests.conftest import Start
 from tests.flows.adjustment_alone import adjustment_alone
+from tests.flows.refused_at_start import require_refused_at_start
 from tests.flows.serving.test_registered import latest_run
 from tests.tasks.documents.report.page_reader import Page, ends_of_arrows
 
@@ -340,6 +342,13 @@ def test_a_sweep_and_an_adjustment_stand_beside_each_other(field: Path, warm_out
 
 @pytest.mark.prefect
 @pytest.mark.usefixtures("prefect_server")
+def test_an_edited_page_is_refused_before_anything_is_computed(
+    field: Path, swept: Path, tmp_path: Path
+) -> None:
+    out = shutil.copytree(swept, tmp_path / "results")
+    require_refused_at_start(out, "sweep.html", OF_EVERY_SWEEP, lambda: sweep(field, out))
+
+
 def test_a_sweep_is_a_flow_whose_adjustments_are_tasks(field: Path, swept: Path, tmp_path: Path) -> None:
     from flows.serving.registered import run_and_report
     from flows.stories.scenario_sweep import sweep_of

@@ -20,11 +20,13 @@ from flows.runs.project_run import RunOutcome, RunRequest, Story, carry_out
 from flows.stories.system_calibration import system_calibration
 from tasks.calibration.record import CalibrationRecord
 from tasks.documents.certificate.words import in_words
+from tasks.results.publish import OF_EVERY_CALIBRATION
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tasks.simulation.truth_comparison import compare_with_truth
 from tasks.store.stage_record import read_records
 from tests.flows.calibration_alone import calibration_alone
+from tests.flows.refused_at_start import require_refused_at_start
 from tests.tasks.documents.report.page_reader import Page
 
 FEW_POINTS = ("points.count=600", "points.detection=0.5")
@@ -308,6 +310,15 @@ def test_a_second_run_computes_nothing(
     assert again.error is None
     assert not [text for text in caplog.messages if "computed" in text]
     assert (again.directory / "calibration.json").read_bytes() == before["calibration.json"]
+
+
+def test_an_edited_certificate_is_refused_before_anything_is_computed(
+    accepted: RunOutcome, flight: Path, tmp_path: Path
+) -> None:
+    out = shutil.copytree(accepted.directory, tmp_path / "results")
+    require_refused_at_start(
+        out, "certificate.html", OF_EVERY_CALIBRATION, lambda: calibrated(flight, out=out)
+    )
 
 
 def test_who_signs_changes_the_certificate_alone(accepted: RunOutcome, flight: Path, tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ from flows.command.result_table import result_table
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from flows.stories.system_calibration import system_calibration
+from tasks.results.publish import OF_EVERY_TWO_STEP_CALIBRATION
+from tests.flows.refused_at_start import require_refused_at_start
 from tests.tasks.documents.report.page_reader import Page
 
 PROJECT = """\
@@ -195,6 +197,13 @@ def test_a_gate_of_the_adjustment_is_left_to_one(calibrated_project: Path) -> No
     outcome = run(calibrated_project, "gates.sigma0={max=1.2}")
     assert outcome.summary.status == "done"
     assert any("sigma0 is not tested" in text for text in outcome.summary.problems)
+
+
+def test_an_edited_report_is_refused_before_anything_is_computed(calibrated_project: Path) -> None:
+    require_refused_at_start(
+        calibrated_project.parent / "results", "report.html", OF_EVERY_TWO_STEP_CALIBRATION,
+        lambda: run(calibrated_project),
+    )  # fmt: skip
 
 
 def test_the_report_shows_means_tests_and_strips(remounted: RunOutcome) -> None:
