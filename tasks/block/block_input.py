@@ -62,6 +62,13 @@ class SurveyedPoints:
         """(k,) whether all three coordinates are known."""
         return np.asarray(self.present.all(axis=1))
 
+    def places_of_points(self, points: tuple[str, ...]) -> Floats:
+        """Positions (m, 3) of object points, local frame, metres; NaN where a coordinate is not known."""
+        place, row = np.full((len(points), 3), np.nan), places_of(self.name, points)
+        known = np.flatnonzero((row >= 0) & self.complete)
+        place[row[known]] = self.x_in_local[known]
+        return place
+
 
 def surveyed_points(
     table: pd.DataFrame, map_frame: MapFrame, frame: AdjustmentFrame, near: pd.DataFrame | None = None

@@ -16,8 +16,8 @@ from adjust.arrays import Bools, Floats
 from adjust.parameters import State
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.hypotheses import Delivered, Hypothesis, with_orientations_of
-from tasks.plausibility.mistake import Mistake
-from tasks.plausibility.orientations import NO_USUAL_SLIP, ray_residuals, sample_of_rays
+from tasks.plausibility.mistake import NO_USUAL_SLIP, Mistake
+from tasks.plausibility.ray_residuals import ray_residuals, sample_of_rays
 
 # A hypothesis is taken when it brings the misses this many times down.
 _MARGIN = 3.0

@@ -66,9 +66,10 @@ def of_orientations(given: GivenOrientations, angles: Sequence[Angles]) -> list[
 
     Parameters
     ----------
-    angles : as the inputs of exposures declare them.
+    angles : as the inputs of exposures declare them; empty: not known here.
     """
-    found = [_of_slip(slip) for slip in usual_slips(given) if not slip.declare.startswith(_THESE)]
+    by_declared = _THESE if angles else ()
+    found = [_of_slip(slip) for slip in usual_slips(given) if not slip.declare.startswith(by_declared)]
     units, orders = {one.unit for one in angles}, {one.order for one in angles}
     if len(units) == 1:
         found += _units(units.pop())

@@ -19,7 +19,8 @@ from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from tasks.block.given_orientations import GivenOrientations
 from tasks.plausibility.declared_accuracy import TieLimits
-from tasks.plausibility.orientations import best_slips, ray_residuals, sample_of_rays
+from tasks.plausibility.orientations import best_slips
+from tasks.plausibility.ray_residuals import ray_residuals, sample_of_rays
 
 #: Larger than this, radians, it is not a misalignment any more but a slip.
 LARGEST = np.deg2rad(3.0)

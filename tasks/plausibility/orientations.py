@@ -8,74 +8,31 @@ other, and one that explains the data, three times better than any other, is nam
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from adjust.approximate.intersection import Intersection, intersect
-from adjust.arrays import Bools, Floats, Ints
+from adjust.approximate.intersection import intersect
+from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from tasks.block.given_orientations import GivenOrientations
 from tasks.errors import InputError
 from tasks.plausibility.declared_accuracy import TieLimits
+from tasks.plausibility.diagnosis import TieMisses
+from tasks.plausibility.hypotheses import Delivered, of_orientations
+from tasks.plausibility.mistake import NO_USUAL_SLIP
 from tasks.plausibility.orientation_slips import Slip, usual_slips
+from tasks.plausibility.ray_residuals import RayResiduals, ray_residuals, sample_of_rays, subset
+from tasks.plausibility.tie_mistakes import tie_mistakes
 
-NO_USUAL_SLIP = (
-    "None of the common mistakes (unit, order or reference of the angles, a turned camera, mirrored image "
-    "coordinates) explains it: check the focal length and the principal point (from the centre of the image, "
-    "mm), the positions, and whether the image points belong to these exposures. If the camera was never "
-    "calibrated in this mounting, free the boresight (adjustment.free). If GNSS and INS are not as accurate "
-    "as stated, state their σ."
-)
 # A mistake is named when it brings the median residual below the limit and this many times below others.
 _MARGIN = 3.0
 # So many slips that explain it alike are named.
 _MOST_ALIKE = 2
 # Images tried as the one that contradicts the others.
 _SUSPECTS = 8
-# Rays used to try slips: enough for a median, few enough to be instant.
-_TRIAL_POINTS = 3000
-
-
-@dataclass(frozen=True, eq=False)
-class RayResiduals:
-    """How far the rays of tie points miss each other with given orientations.
-
-    Attributes
-    ----------
-    residual_px : (n, 2) column, row; NaN where the point could not be intersected.
-    median_px : median length over all image points; infinite if most could not be intersected.
-    """
-
-    residual_px: Floats
-    median_px: float
-
-
-def ray_residuals(
-    rays: ImagePoints,
-    state: State,
-    points: int,
-    pixel_size: Floats,
-    intersection: Intersection | None = None,
-) -> RayResiduals:
-    """Residuals at the intersections of the rays of ``points`` object points.
-
-    Parameters
-    ----------
-    pixel_size : (images,) metres.
-    intersection : of these rays; None: they are still to be intersected.
-    """
-    if intersection is None:
-        intersection = intersect(rays, state, points)
-    misclosure = rays.misclosure(replace(state, object_point=intersection.object_point))
-    misclosure[~intersection.usable[rays.point]] = np.nan
-    residual_px = -misclosure / pixel_size[rays.image][:, None] * np.array([1.0, -1.0])
-    length = np.hypot(residual_px[:, 0], residual_px[:, 1])
-    several = np.bincount(rays.point, minlength=points)[rays.point] >= 2
-    length = np.where(np.isfinite(length), length, np.inf)[several]
-    return RayResiduals(residual_px, float(np.median(length)) if len(length) else 0.0)
 
 
 def check_orientations(
@@ -115,7 +72,8 @@ def check_orientations(
         if not slips and found.median_px <= limits.wrong_px:
             _check_single_images(given, rays, state, points, limits, pixel_size, found)
         explaining = slips if left_px <= limits.wrong_px else ()
-        raise _refusal(worst_px, limits.wrong_px, limits.because, explaining, left_px)
+        refusal = _refusal(worst_px, limits.wrong_px, limits.because, explaining, left_px)
+        raise refusal if explaining else _explained(refusal, given, rays, state, limits, pixel_size)
     refusal = _refusal(worst_px, limits.suspicious_px, "", slips, left_px)
     try:
         _check_single_images(given, rays, state, points, limits, pixel_size, found)
@@ -133,26 +91,6 @@ def _worst_camera(given: GivenOrientations, rays: ImagePoints, found: RayResidua
     several = np.bincount(rays.point)[rays.point] >= 2
     medians = [np.median(length[several & (camera == number)]) for number in np.unique(camera[several])]
     return float(max(medians, default=0.0))
-
-
-def sample_of_rays(rays: ImagePoints, points: int) -> ImagePoints:
-    """Rays of a limited number of points, those with most rays first, renumbered."""
-    count = np.bincount(rays.point, minlength=points)
-    chosen = np.sort(np.argsort(-count, kind="stable")[:_TRIAL_POINTS])
-    number = np.full(points, -1, dtype=np.int64)
-    number[chosen] = np.arange(len(chosen))
-    return _subset(rays, number[rays.point] >= 0, number)
-
-
-def _subset(rays: ImagePoints, kept: Bools, number: Ints) -> ImagePoints:
-    return ImagePoints(
-        rays.image[kept],
-        number[rays.point[kept]],
-        rays.camera_of_image,
-        rays.xy[kept],
-        rays.sigma[kept],
-        rays.active[kept],
-    )
 
 
 def best_slips(
@@ -229,13 +167,13 @@ def _check_single_images(
     if kept.all():
         medians = _medians(rays, found, points, len(given.image))
     else:
-        medians = _medians_of(_subset(rays, kept, number), state, points, pixel)
+        medians = _medians_of(subset(rays, kept, number), state, points, pixel)
     while len(left_out) <= max(1, len(given.image) // 5):
         if medians.max() <= limit_px:
             break
         suspects = [int(i) for i in np.argsort(-medians, kind="stable")[:_SUSPECTS] if medians[i] > limit_px]
         without = [
-            _medians_of(_subset(rays, kept & (rays.image != i), number), state, points, pixel)
+            _medians_of(subset(rays, kept & (rays.image != i), number), state, points, pixel)
             for i in suspects
         ]
         best = int(np.argmin([np.sum(np.minimum(m, 1e3 * limit_px)) for m in without]))
@@ -244,11 +182,11 @@ def _check_single_images(
         medians = without[best]
     if not left_out:
         return
-    points_of_others = intersect(_subset(rays, kept, number), state, points)
+    points_of_others = intersect(subset(rays, kept, number), state, points)
     trusted = replace(state, object_point=points_of_others.object_point)
     image = left_out[0]
     own = (rays.image == image) & points_of_others.usable[rays.point]
-    own_rays = _subset(rays, own, number)
+    own_rays = subset(rays, own, number)
     others = f" ({len(left_out)} images in all: {', '.join(given.image[i] for i in left_out)})"
     suffix = others if len(left_out) > 1 else ""
     now = _median_length(own_rays, trusted, pixel)
@@ -270,10 +208,29 @@ def _check_single_images(
                 slip.remedy,
                 entity=f"image {given.image[image]}",
             )
-    raise InputError(
+    refusal = InputError(
         what, "Check its position, its angles, and whether its image points are its own.",
         entity=f"image {given.image[image]}",
     )  # fmt: skip
+    raise _explained(refusal, given, rays, state, limits, pixel)
+
+
+def _explained(
+    refusal: InputError,
+    given: GivenOrientations,
+    rays: ImagePoints,
+    state: State,
+    limits: TieLimits,
+    pixel: Floats,
+) -> InputError:
+    """The refusal with what the doctor would find; the same where that is nothing."""
+    delivered = Delivered(given, rays, "omega-phi-kappa", np.eye(3))
+    found = tie_mistakes(delivered, TieMisses(state, pixel), of_orientations(given, ()), limits).mistakes
+    if not found:
+        return refusal
+    shown = (f"{mistake.what.rstrip('.')} ({'; '.join(mistake.evidence)})." for mistake in found)
+    remedy = " ".join(dict.fromkeys(mistake.remedy for mistake in found))
+    return InputError(" ".join((refusal.what, *shown)), remedy, refusal.file, entity=refusal.entity)
 
 
 def _medians_of(rays: ImagePoints, state: State, points: int, pixel: Floats) -> Floats:

@@ -40,7 +40,8 @@ from tasks.plausibility.declared_accuracy import expected_intersections, tie_lim
 from tasks.plausibility.distances import check_distances
 from tasks.plausibility.flight_direction import check_flight_direction
 from tasks.plausibility.misalignment import misalignment, misalignment_by_control
-from tasks.plausibility.orientations import check_orientations, ray_residuals
+from tasks.plausibility.orientations import check_orientations
+from tasks.plausibility.ray_residuals import ray_residuals
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
@@ -161,7 +162,7 @@ def _intersected(
     for by_control in (False, True) if misaligned else ():
         if by_control:
             limit_m = expected_intersections(given, checks, height).limit_m
-            place = _surveyed_places(points, surveyed)
+            place = surveyed.places_of_points(points)
             turned = misalignment_by_control(given, rays, state, place, limits, limit_m)
         else:
             turned = misalignment(given, rays, state, len(points), limits)
@@ -205,14 +206,6 @@ def _intersected(
         tuple(suspicions),
         tuple(remarks),
     )
-
-
-def _surveyed_places(points: tuple[str, ...], surveyed: SurveyedPoints) -> Floats:
-    """Surveyed positions of object points (m, 3), local frame; NaN where a coordinate is not known."""
-    place, row = np.full((len(points), 3), np.nan), places_of(surveyed.name, points)
-    known = np.flatnonzero((row >= 0) & surveyed.complete)
-    place[row[known]] = surveyed.x_in_local[known]
-    return place
 
 
 def _take_surveyed(

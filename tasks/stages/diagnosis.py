@@ -24,12 +24,12 @@ from tasks.files.json_text import JSON
 from tasks.plausibility.control_diagnosis import Survey, diagnosed_control
 from tasks.plausibility.coverage import other_pixel_origins, uncovered
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
-from tasks.plausibility.diagnosis import TieMisses, diagnosed, exchanged_images, unexplained
-from tasks.plausibility.disordered_strips import disordered_strips
+from tasks.plausibility.diagnosis import TieMisses, unexplained
 from tasks.plausibility.hypotheses import Delivered, of_orientations
-from tasks.plausibility.misalignment import misalignment
+from tasks.plausibility.misalignment import misalignment, misalignment_by_control
 from tasks.plausibility.mistake import Mistake
 from tasks.plausibility.moved_positions import DeclaredPositions, moved_positions, with_boresight
+from tasks.plausibility.tie_mistakes import tie_mistakes
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.cameras import CameraInput
 from tasks.settings.inputs import ControlInput, ExposuresInput, ImagePointsInput
@@ -141,18 +141,14 @@ def _by_ties(
     pixel = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
     misses = TieMisses(block.state, pixel)
     hypotheses = of_orientations(given, [source.angles for source in declared.exposures])
-    found = diagnosed(delivered, misses, hypotheses, limits)
-    disordered, ordered = disordered_strips(found.delivered, misses, limits)
-    mistakes = [*found.mistakes, *disordered]
-    settled = ordered
+    found = tie_mistakes(delivered, misses, hypotheses, limits)
+    settled = found.delivered
     if not MOUNTINGS.isdisjoint(declared.free):
         settled = with_boresight(settled, misses, limits.suspicious_px)
-    mistakes += moved_positions(settled, misses, positions, limits.suspicious_px)
-    if found.left_px <= limits.wrong_px or disordered:
-        mistakes += exchanged_images(ordered, misses, limits)
-        if not mistakes and found.left_px > limits.suspicious_px:
-            mistakes.append(unexplained(found.left_px, limits))
-    return mistakes, replace(block, delivered=ordered)
+    mistakes = [*found.mistakes, *moved_positions(settled, misses, positions, limits.suspicious_px)]
+    if not mistakes and limits.suspicious_px < found.left_px <= limits.wrong_px:
+        mistakes.append(unexplained(found.left_px, limits))
+    return mistakes, replace(block, delivered=found.delivered)
 
 
 def _by_control(
@@ -172,7 +168,14 @@ def _by_control(
         all(source.angles.reference == "grid" for source in declared.exposures),
     )
     expected = expected_intersections(block.delivered.given, checks, _height(block))
-    return diagnosed_control(block.delivered, block.state, survey, expected)
+    delivered = block.delivered
+    as_read = delivered.order == "omega-phi-kappa" and not (delivered.turn - np.eye(3)).any()
+    if as_read and not MOUNTINGS.isdisjoint(declared.free):
+        given, place = delivered.given, survey.points.places_of_points(block.points)
+        limits = tie_limits(given, checks, _height(block))
+        turned = misalignment_by_control(given, delivered.rays, block.state, place, limits, expected.limit_m)
+        delivered = delivered if turned is None else replace(delivered, given=turned.given)
+    return diagnosed_control(delivered, block.state, survey, expected)
 
 
 def _only(names: set[str]) -> str:

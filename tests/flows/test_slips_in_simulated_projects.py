@@ -315,17 +315,39 @@ HIGH = (
 )  # fmt: skip
 
 
-def test_a_roll_that_only_control_points_show_is_no_wrong_control(tmp_path: Path) -> None:
-    """One strip at 6,000 m, a camera 0.67° off: all 60 surveyed points were called wrong, by 86 m."""
+def rolled(folder: Path) -> Path:
+    """The project file of one strip at 6,000 m, with a camera 0.67° off, which control points alone show."""
     high = load_simulation("dmc-20cm", (*HIGH, "truth.boresight_deg=[0.67, 0.0, 0.0]"), 1)
-    project = simulate_project(high, tmp_path).project_file
-    exposures = pd.read_csv(tmp_path / "exposures.csv", dtype=str)
+    project = simulate_project(high, folder).project_file
+    exposures = pd.read_csv(folder / "exposures.csv", dtype=str)
     exposures = exposures[exposures["strip"] == "E02"]
-    exposures.to_csv(tmp_path / "exposures.csv", index=False)
-    points = pd.read_csv(tmp_path / "image_points.csv", dtype=str)
-    points[points["image"].isin(exposures["image"])].to_csv(tmp_path / "image_points.csv", index=False)
-    free = 'adjustment.free=["boresight"]'
-    outcome = carry_out(adjustment_alone, RunRequest(project, tmp_path / "results", (free,)))
+    exposures.to_csv(folder / "exposures.csv", index=False)
+    points = pd.read_csv(folder / "image_points.csv", dtype=str)
+    points[points["image"].isin(exposures["image"])].to_csv(folder / "image_points.csv", index=False)
+    return project
+
+
+FREE_BORESIGHT = 'adjustment.free=["boresight"]'
+
+
+def test_the_doctor_names_control_points_mixed_up_behind_a_roll_that_only_they_show(tmp_path: Path) -> None:
+    """The roll moves points by 77 m, and heights by 4 m along the swath: more than names mixed up allow."""
+    project = rolled(tmp_path)
+    measured = set(pd.read_csv(tmp_path / "image_points.csv", dtype=str)["point"])
+    control = pd.read_csv(tmp_path / "control.csv", dtype=str)
+    one, other = [i for i in control.index if control.loc[i, "point"] in measured][2:11:8]
+    names = control.loc[[one, other], "point"].tolist()
+    control.loc[[one, other], "point"] = names[::-1]
+    control.to_csv(tmp_path / "control.csv", index=False)
+    assert f"look mixed up: by its rays {names[0]} lies at {names[1]}" in examined(
+        project.parent, tmp_path / "out", FREE_BORESIGHT
+    )
+
+
+def test_a_roll_that_only_control_points_show_is_no_wrong_control(tmp_path: Path) -> None:
+    """All 60 surveyed points were called wrong, by 86 m."""
+    project = rolled(tmp_path)
+    outcome = carry_out(adjustment_alone, RunRequest(project, tmp_path / "results", (FREE_BORESIGHT,)))
     assert outcome.error is None, outcome.error
     (said,) = (text for text in outcome.summary.problems if "misalignment of camera and INS" in text)
     assert said.startswith(

@@ -376,6 +376,25 @@ def named(name: str, blocks: Mapping[str, Path], folder: Path) -> list[ListedMis
     return found
 
 
+@pytest.mark.parametrize(
+    ("lines", "wrong", "says"),
+    [
+        (2, renumbered(lambda names: np.roll(names, 1)), "strip E01 look shifted by one image"),
+        (5, renumbered(lambda names: names[::-1]), "strip E01 look numbered in the opposite order"),
+        (5, mixed_images, "look mixed up"),
+    ],
+)
+def test_a_run_names_what_the_doctor_names(tmp_path: Path, lines: int, wrong: Wrong, says: str) -> None:
+    """Two lines: the strip spoils the median of all rays; five: its images stand out."""
+    block = simulated(tmp_path / "block", *SMALL, f"flight.0.lines={lines}", OMEGA)
+    (listed_by_doctor,) = listed(block, tmp_path / "delivery", wrong)
+    outcome = carry_out(adjustment_alone, RunRequest(tmp_path / "delivery" / "project.toml"))
+    assert says in listed_by_doctor.what
+    assert says in str(outcome.error)
+    assert listed_by_doctor.remedy in str(outcome.error)
+    assert "None of the common mistakes" not in str(outcome.error)
+
+
 def test_images_without_attitude_do_not_hide_a_mistake_in_the_others(
     blocks: Mapping[str, Path], tmp_path: Path
 ) -> None:
