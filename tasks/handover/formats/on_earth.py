@@ -17,6 +17,7 @@ from tasks.errors import InputError
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.footprint import footprints
 from tasks.handover.formats.numbers import in_angles
+from tasks.handover.formats.rings import counted_on, counter_clockwise, geojson_polygon
 
 _KML_DECIMALS, _HEIGHT_DECIMALS = 8, 3
 # Zip files have no time before it; one of now would make two files of the same block differ.
@@ -30,11 +31,11 @@ def write_geojson(delivery: Delivery) -> Files:
         name: [] for name in ("cameras", "footprints", "surveyed_points")
     }
     for layer, name, properties, place in _shapes(delivery):
-        rounded = np.column_stack([place[:, :2].round(9), place[:, 2].round(4)]).tolist()
+        rounded = np.column_stack([place[:, :2].round(9), place[:, 2].round(4)])
         geometry = (
-            {"type": "Polygon", "coordinates": [rounded]}
+            geojson_polygon(rounded)
             if len(rounded) > 1
-            else {"type": "Point", "coordinates": rounded[0]}
+            else {"type": "Point", "coordinates": rounded[0].tolist()}
         )
         layers[layer].append(
             {"type": "Feature", "properties": {"name": name, **properties}, "geometry": geometry}
@@ -53,7 +54,8 @@ def write_kmz(delivery: Delivery) -> Files:
     folders: dict[str, list[str]] = {name: [] for name in ("cameras", "footprints", "surveyed_points")}
     for layer, name, properties, place in _shapes(delivery, from_sea=True):
         corners = " ".join(
-            f"{x:.{_KML_DECIMALS}f},{y:.{_KML_DECIMALS}f},{z:.{_HEIGHT_DECIMALS}f}" for x, y, z in place
+            f"{x:.{_KML_DECIMALS}f},{y:.{_KML_DECIMALS}f},{z:.{_HEIGHT_DECIMALS}f}"
+            for x, y, z in counter_clockwise(counted_on(place))
         )
         shape = (
             f"<Point><altitudeMode>absolute</altitudeMode><coordinates>{corners}</coordinates></Point>"
@@ -108,16 +110,10 @@ def _shapes(delivery: Delivery, *, from_sea: bool = False) -> list[_Shape]:
         turn = dict(zip(("omega_deg", "phi_deg", "kappa_deg"), angles[k].round(7).tolist(), strict=True))
         found.append(("cameras", name, {**told, **turn}, places[k : k + 1]))
         if below[k]:
-            found.append(("footprints", name, told, _counter_clockwise(on_earth(corners[k]))))
+            found.append(("footprints", name, told, on_earth(corners[k])))
     surveyed = delivery.points.surveyed
     for k in np.flatnonzero(np.isfinite(surveyed.in_map).all(axis=1)).tolist():
         role = "check" if surveyed.check[k] else "control"
         place = on_earth(surveyed.in_map[k : k + 1])
         found.append(("surveyed_points", surveyed.names[k], {"role": role}, place))
     return found
-
-
-def _counter_clockwise(ring: Floats) -> Floats:
-    """The ring counter-clockwise, as required of outer rings."""
-    x, y = (ring[:, k] - ring[0, k] for k in (0, 1))
-    return ring if float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) > 0.0 else ring[::-1]

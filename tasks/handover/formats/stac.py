@@ -19,6 +19,7 @@ from tasks.files.json_text import from_json
 from tasks.handover.delivery import Angles, Delivery, Files
 from tasks.handover.footprint import footprints
 from tasks.handover.formats.numbers import ANGLES, METRES, ROTATION, in_angles
+from tasks.handover.formats.rings import box, geojson_polygon
 from tasks.handover.formats.short_names import stem, uri_of
 
 _EXTENSION = "https://stac-extensions.github.io/perspective-imagery/v1.0.0/schema.json"
@@ -69,8 +70,8 @@ def _item(delivery: Delivery, k: int, identifier: str, ring: Floats) -> dict[str
         "stac_extensions": [_EXTENSION],
         "id": identifier,
         "collection": delivery.results.name,
-        "bbox": _box(ring),
-        "geometry": {"type": "Polygon", "coordinates": [ring.tolist()]},
+        "bbox": box(ring),
+        "geometry": geojson_polygon(ring),
         "properties": {
             "datetime": None,
             "start_datetime": begin,
@@ -111,7 +112,7 @@ def _collection(delivery: Delivery, rings: Floats, items: list[str]) -> dict[str
         "description": f"Adjusted images of {delivery.results.name}",
         "license": "other",
         "extent": {
-            "spatial": {"bbox": [_box(rings.reshape(-1, 2))]},
+            "spatial": {"bbox": [box(rings.reshape(-1, 2))]},
             "temporal": {"interval": [list(_day(delivery))]},
         },
         "links": [{"rel": "self", "href": "./collection.json", "type": "application/json"}, *links],
@@ -121,7 +122,3 @@ def _collection(delivery: Delivery, rings: Floats, items: list[str]) -> dict[str
 def _day(delivery: Delivery) -> tuple[str, str]:
     day = delivery.results.needed_date.isoformat()
     return f"{day}T00:00:00Z", f"{day}T23:59:59Z"
-
-
-def _box(ring: Floats) -> list[float]:
-    return [*ring.min(axis=0).tolist(), *ring.max(axis=0).tolist()]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import sqlite3
+import zipfile
 from contextlib import nullcontext
 from dataclasses import replace
-from io import StringIO
+from io import BytesIO, StringIO
 
 import numpy as np
 import pandas as pd
@@ -142,6 +144,58 @@ def test_rational_polynomials_of_a_block_on_the_antimeridian_are_those_of_any_ot
         found = dict(line.split(": ") for line in rpc_text(one, 0.0).splitlines())
         assert 179.9 < abs(float(found["LONG_OFF"])) <= 180.0
         assert float(found["LONG_SCALE"]) < 0.1
+
+
+def test_footprints_on_the_antimeridian_are_cut_there():
+    """RFC 7946, 3.1.9: both parts within ±180°, and together as large as the whole; KML counts on."""
+    across = Flight(longitude_deg=180.0, crs="EPSG:32660")
+    results, points = flown(across)
+    features = json.loads(
+        REGISTER["geojson"].write(delivered(results, points, "geojson"))["footprints.geojson"]
+    )["features"]
+    packed = REGISTER["kmz"].write(delivered(results, points, "kmz"))["block.kmz"]
+    text = zipfile.ZipFile(BytesIO(packed)).read("doc.kml").decode()
+    whole = [
+        np.array([corner.split(",") for corner in ring.split()], dtype=float)
+        for ring in re.findall(r"<LinearRing><coordinates>([^<]+)<", text)
+    ]
+    assert len(whole) == len(features) > 0
+    cut = 0
+    for feature, ring in zip(features, whole, strict=True):
+        assert np.ptp(ring[:, 0]) < 0.1
+        kind, coordinates = feature["geometry"]["type"], feature["geometry"]["coordinates"]
+        rings = [np.array(one) for (one,) in (coordinates if kind == "MultiPolygon" else [coordinates])]
+        cut += kind == "MultiPolygon"
+        for one in rings:
+            assert np.abs(one[:, 0]).max() <= 180.0
+            assert np.ptp(one[:, 0]) < 0.1
+            assert (one[0] == one[-1]).all()
+            assert area(one) > 0.0
+        assert sum(area(one) for one in rings) == pytest.approx(area(ring), rel=1e-4)
+    assert cut > 0
+
+
+def test_the_box_of_an_item_on_the_antimeridian_begins_in_the_west():
+    """RFC 7946, 5.2."""
+    files = files_of("stac", Flight(longitude_deg=180.0, crs="EPSG:32660"))
+    crossing = [
+        item for name, text in files.items() if (item := json.loads(text)).get("geometry")
+        and item["geometry"]["type"] == "MultiPolygon"
+    ]  # fmt: skip
+    assert crossing
+    for item in crossing:
+        west, south, east, north = item["bbox"]
+        assert 179.9 < west <= 180.0
+        assert -180.0 <= east < -179.9
+        assert south < north
+    west, _, east, _ = json.loads(files["collection.json"])["extent"]["spatial"]["bbox"][0]
+    assert east < 0.0 < west
+
+
+def area(ring: np.ndarray) -> float:
+    """Of a closed ring in longitude and latitude, square degrees; positive if counter-clockwise."""
+    x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
+    return float(0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
 
 
 def test_the_misfit_on_the_ground_is_that_in_the_image_seen_from_the_height():
