@@ -329,8 +329,28 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
     texts = tuple(map(str, keys))
     said = next((text for given, text in source.said.items() if texts[: len(given)] == given), None)
     if said is not None:
-        return InputError(what, remedy, entity=said)
+        trouble = _trouble_of_toml(error["input"])
+        return InputError(*(trouble or (what, remedy)), entity=said)
     return InputError(what, remedy, source.path, line, name or None)
+
+
+def _trouble_of_toml(value: object) -> tuple[str, str] | None:
+    """What is wrong with a value that was meant as a table or list and taken as text, and the remedy."""
+    if not isinstance(value, str) or not value.lstrip().startswith(("{", "[")):
+        return None
+    key = "value = "
+    try:
+        tomllib.loads(f"{key}{value}")
+    except ValueError as error:
+        what = re.sub(
+            r"line 1, column (\d+)\)$", lambda found: f"character {int(found[1]) - len(key)})", str(error)
+        ).replace("end of document", "its end")
+        return (
+            f"The value is not valid TOML: {what}.",
+            "Texts in it must be in quotes, a key is followed by =, and quotes of the shell go around the "
+            "whole: --set 'KEY=VALUE'.",
+        )
+    return None
 
 
 def _model_at(location: Keys, kind: SettingsKind) -> Any:
