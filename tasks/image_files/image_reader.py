@@ -27,6 +27,7 @@ from tasks.files.installation import InstallationError
 
 # What GDAL keeps of files it has read, MB; the rest of the memory is ours.
 _CACHE_MB = 96
+_ENDINGS = frozenset({".tif", ".tiff", ".jpg", ".jpeg", ".png", ".jp2"})
 
 
 def raster_library() -> ModuleType:
@@ -189,6 +190,8 @@ def opened_image(path: Path, threads: int = 1) -> Iterator[ImageReader]:
     InstallationError
         If rasterio is not installed.
     """
+    if path.is_dir():
+        raise Location(path).error("This is a folder, not an image.", _images_in(path))
     if not (is_there(path) and path.is_file()):
         raise Location(path).error("There is no such file.", "Check the path.")
     with raster_environment(threads) as rasterio:
@@ -201,6 +204,14 @@ def opened_image(path: Path, threads: int = 1) -> Iterator[ImageReader]:
             ) from error
         with dataset:
             yield ImageReader(_description(path, dataset), dataset)
+
+
+def _images_in(folder: Path) -> str:
+    """How to name the images in a folder."""
+    endings = sorted({file.suffix for file in folder.glob("*") if file.suffix.lower() in _ENDINGS})
+    if not endings:
+        return "There is no image in it (TIFF, JPEG, PNG or JPEG 2000): check the path."
+    return f"Name its images: {' '.join(f'{folder}/*{ending}' for ending in endings)}."
 
 
 def described(path: Path) -> ImageDescription:
