@@ -269,4 +269,9 @@ def _number(text: str, name: str, layout: Layout, line: int) -> float:
         remedy = (
             "Leave the field empty if the value is not known and may be missing; otherwise delete the line."
         )
+    elif name == "time" and ":" in text:
+        remedy = (
+            "Write seconds, such as 422922.000. Events may have dates with a time, such as "
+            '2020-12-24T21:28:42.000: declare time = "gps-date" or "utc-date".'
+        )
     raise InputError(f"{quoted(text)} in the column '{name}' is not a number.", remedy, layout.file, line)

@@ -317,6 +317,9 @@ def _input_error(error: ErrorDetails, source: SettingsFile) -> InputError:
     elif error["type"] == "tuple_type":
         what = f"The value {_shown(error['input'])} is not a list."
         remedy = f"Write it in brackets: [{_shown(error['input'])}]."
+    elif error["type"].startswith("date_"):
+        what = f"The value {_shown(error['input'])} is not a day."
+        remedy = "Write year, month and day without a time, such as 2020-12-24."
     elif error["type"] == "model_type":
         what = f"The value {_shown(error['input'])} is not a table."
         known = list(cast(type[Settings], _model_at(error["loc"], source.kind)).model_fields)

@@ -7,6 +7,7 @@ import pytest
 
 from tasks.errors import InputError
 from tasks.formats.dji import read_mrk_events, read_mrk_exposures
+from tasks.formats.native_csv import read_csv_events
 from tasks.formats.rtklib import read_rtklib
 from tasks.formats.sbet import read_sbet, read_smrmsg
 from tasks.formats.trajectory_records import SOLUTIONS
@@ -156,3 +157,27 @@ def test_a_line_that_is_no_mark_is_named(tmp_path):
     assert error.line == 2
     error = refusal(read_mrk_events, tmp_path / "a.MRK", MRK.replace("44.42824637,Lat", "94.42824637,Lat"))
     assert "degrees" in error.what
+
+
+@pytest.mark.parametrize(
+    "text", ["2020-12-24T21:28:42+01:00", "24.12.2020 21:28:42", "2020-12-24", "422922.0"]
+)
+def test_a_text_that_is_no_date_with_a_time_is_shown_with_the_forms_of_one(tmp_path, text):
+    path = tmp_path / "events.csv"
+    path.write_text(f"image,time\na,{text}\n")
+    with pytest.raises(InputError) as refused:
+        read_csv_events(path, "date")
+    for part in (f"'{text}'", "2020-12-24T21:28:42.000", "2020/12/24 21:28:42.000", "without a time zone"):
+        assert part in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["2020-12-24T21:28:42", "21:28:42"])
+def test_a_time_of_day_in_the_place_of_seconds_is_named(tmp_path, text):
+    path = tmp_path / "events.csv"
+    path.write_text(f"image,time\na,{text}\n")
+    with pytest.raises(InputError) as refused:
+        read_csv_events(path, "week")
+    assert f"'{text}' in the column 'time' is not a number. Write seconds, such as 422922.000." in str(
+        refused.value
+    )
+    assert 'time = "gps-date" or "utc-date"' in str(refused.value)

@@ -272,6 +272,11 @@ def test_set_takes_only_keys_that_exist(write, override, part):
         ("gates.sigma0={max=1.2", "not valid TOML: Unclosed inline table (at its end)"),
         ("adjustment.free=[boresight]", "not valid TOML: Invalid value (at character 2). Texts in it"),
         ("project.heights={ geoid = raf20.tif }", "not valid TOML: Invalid value (at character 11)"),
+        ("project.flown=24.12.2020", 'The value "24.12.2020" is not a day. Write year, month and day'),
+        (
+            "project.flown=2020-12-24T21:28:42",
+            "is not a day. Write year, month and day without a time, such as",
+        ),
         ("gates.sigma0=max", 'The value "max" is not a table'),
         ('adjustment.free=["boresite"]', "Did you mean 'boresight'?"),
         ('cameras."CAM 1".file="a.csv"', "Keep only one of the two"),
