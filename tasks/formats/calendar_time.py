@@ -36,7 +36,7 @@ def seconds_of_date(path: Path, text: str, line: int) -> float:
     except ValueError as error:
         raise Location(path, line).error(
             f"{quoted(text)} is not a date with a time since 1980.",
-            "Write it like 2020-12-24T21:28:42.000 or 2020/12/24 21:28:42.000, on the declared clock: without "
-            "a time zone.",
+            "Write it like 2020-12-24T21:28:42.000 or 2020/12/24 21:28:42.000, on the declared clock, "
+            "without a time zone.",
         ) from error
     return float(days * _DAY_S + hour * 3600 + minute * 60) + seconds
