@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
+from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -15,6 +17,9 @@ from flows.command.screen_table import print_listed, screen, screen_table
 from flows.runs.project_run import RunOutcome, RunRequest, Story
 from flows.runs.workers import use_cluster
 from tasks.files.json_text import JSON
+
+# Columns of a screen that no table needs.
+_UNLIMITED = 100_000
 
 
 def execute_sweep(
@@ -44,24 +49,35 @@ def _show(outcome: RunOutcome) -> None:
     console = screen()
     print_listed(console, outcome.summary.problems, "yellow")
     rows = cast(Sequence[Mapping[str, JSON]], (outcome.summary.model_extra or {})["sweep"])
-    console.print(_table(rows))
+    console.print(scenario_table(rows, console))
     console.print(Text(f"\nPage: {outcome.directory / 'sweep.html'}"), soft_wrap=True)
     for sentence in where_results_are(outcome, "sweep.parquet and summary.json"):
         console.print(Text(sentence), soft_wrap=True)
 
 
-def _table(rows: Sequence[Mapping[str, JSON]]) -> Table:
+def scenario_table(rows: Sequence[Mapping[str, JSON]], console: Console) -> Table:
+    """A line for each scenario; its names share a column, wrapped between them, where three are too wide."""
+    table = _with_names(rows, lambda names: names, ("block", "control", "variant"))
+    unlimited = console.options.update(width=_UNLIMITED)
+    if Measurement.get(console, unlimited, table).maximum <= console.width:
+        return table
+    return _with_names(rows, lambda names: [" · ".join(names)], ("block · control · variant",))
+
+
+def _with_names(
+    rows: Sequence[Mapping[str, JSON]], shown: Callable[[list[str]], list[str]], headings: tuple[str, ...]
+) -> Table:
     numbers = ("σ0 µm", "/ first", "RMS X", "Y", "Z m")
-    table = screen_table("block", "control", "variant", *numbers, "at the", right=numbers, whole=("at the",))
+    table = screen_table(*headings, *numbers, "points", right=numbers, whole=("points",))
     for row in rows:
-        names = [str(row[name]) for name in ("block", "control", "variant")]
+        names = shown([str(row[name]) for name in ("block", "control", "variant")])
         if row["status"] != "done":
             table.add_row(*names, *["–"] * 5, str(row["status"]).replace("_", " "))
             continue
         role = "check" if row["rmse_check_m"] is not None else "control"
         differences = cast(Sequence[JSON], row[f"rmse_{role}_m"] or (None, None, None))
         figures = [_number(row["sigma0_um"]), _number(row["sigma0_ratio"]), *map(_number, differences)]
-        table.add_row(*names, *figures, f"{role} points")
+        table.add_row(*names, *figures, role)
     return table
 
 

@@ -9,12 +9,15 @@ import signal
 import subprocess
 import sys
 import time
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
+from flows.command.sweep_execution import scenario_table
 from flows.runs.project_run import RunOutcome, RunRequest, carry_out
 from tasks.document_kit.table import NONE
 from tasks.results.publish import OF_EVERY_SWEEP
@@ -326,6 +329,26 @@ def _bar_heights(svg: str) -> dict[str, float]:
     """Height of every bar by its title, without the published number in it."""
     bars = re.findall(r'<rect [^>]*height="([^"]+)"[^>]*><title>(.*?)</title>', svg)
     return {words.partition(", published")[0]: float(height) for height, words in bars}
+
+
+@pytest.mark.parametrize(
+    ("names", "lines"),
+    [(("both", "84/0", "none"), 1), (("140 single", "9 control points", "bluh:42-73+81-88"), 2)],
+)
+@pytest.mark.parametrize("status", ["done", "not_computable"])
+def test_words_of_names_stay_whole_on_a_terminal_of_eighty_columns(
+    names: tuple[str, ...], lines: int, status: str
+) -> None:
+    numbers = {"sigma0_um": 12.345, "sigma0_ratio": 0.998, "rmse_check_m": [0.04, 0.05, 0.123]}
+    row = {**dict(zip(("block", "control", "variant"), names, strict=True)), **numbers, "status": status}
+    console = Console(width=80, file=StringIO())
+    console.print(scenario_table([row], console))
+    assert isinstance(console.file, StringIO)
+    shown = console.file.getvalue().partition("─\n")[2].splitlines()
+    assert len(shown) == lines
+    told = " ".join(line[:30] for line in shown).split()
+    assert set(" ".join(names).split()) <= set(told), shown
+    assert max(map(len, shown)) <= 80
 
 
 def test_a_sweep_and_an_adjustment_stand_beside_each_other(field: Path, warm_out: Path) -> None:
