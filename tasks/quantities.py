@@ -306,7 +306,18 @@ def named(name: str, entity: str) -> str:
     return f"{name} of {entity}"
 
 
+def observation_group(name: str) -> str:
+    """The observation group of a name in residuals.parquet.
+
+    There, priors have their entity after it, and distances the point at their other end.
+    """
+    return ":".join(name.split(":")[: 2 if name.startswith("prior:") else 1])
+
+
 def group_words(name: str) -> str:
-    """The name of an observation group in words."""
-    plain = name.replace("_", " ").replace("prior:", "priors: ")
-    return plain.replace("gnss", "GNSS").replace("ins ", "INS ")
+    """The name of an observation group in words, and after a comma the entity that it may have."""
+    group = observation_group(name)
+    entity = name[len(group) + 1 :]
+    plain = group.replace("_", " ").replace("prior:", "priors: ")
+    words = plain.replace("gnss", "GNSS").replace("ins ", "INS ")
+    return f"{words}, {entity}" if entity else words

@@ -13,10 +13,15 @@ DIRECT = {"gnss": ("gnss_positions", "xyz", 1.0), "ins": ("ins_attitudes", ("rol
 KEY = ["group", "image", "point", "component"]
 
 
+def observation_group_of(residuals: pd.DataFrame) -> pd.Series:
+    """The group of each row, without the strip of a prior or the other end of a distance."""
+    return residuals["group"].str.replace(r"^(prior:[^:]*|[^:]*)(:.*)?$", r"\1", regex=True)
+
+
 def worst(residuals: pd.DataFrame) -> Iterator[Item]:
     """The eight largest of each group."""
     used = residuals[(residuals["status"] == "used") & residuals["standardized"].notna()]
-    for _, own in used.groupby("group"):
+    for _, own in used.groupby(observation_group_of(used)):
         largest = own.reindex(own["standardized"].abs().sort_values(ascending=False, kind="stable").index)
         for row in largest.head(8).to_dict("records"):
             key = "|".join("" if pd.isna(row[name]) else str(row[name]) for name in KEY)

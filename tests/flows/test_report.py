@@ -277,7 +277,9 @@ def residuals(reported: Reported) -> Iterator[Item]:
         yield ("image-residuals", "C", f"rms_{axis}_um"), rms
         yield ("image-residuals", "C", f"rms_{axis}_px"), rms / 5.0
     yield from sub_areas(reported)
-    for group, own in table[table["status"] == "used"].groupby("group"):
+    for group, own in table[table["status"] == "used"].groupby(
+        expected_residuals.observation_group_of(table)
+    ):
         w = own["standardized"].dropna()
         if len(w) == 0:
             continue

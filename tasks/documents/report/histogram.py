@@ -13,7 +13,7 @@ from tasks.document_kit.chart import BAR, LEFT, RIGHT, TOP, bars, chart
 from tasks.document_kit.legend import Swatch
 from tasks.document_kit.table import Column, Row, Table, numbers, text_column
 from tasks.documents.report.material import IMAGE_POINTS, Material
-from tasks.quantities import group_words
+from tasks.quantities import group_words, observation_group
 
 _LIMIT = 5.0
 _BINS = 50
@@ -24,7 +24,8 @@ LEVELS = (1.96, 2.58, 3.29, 4.13)
 def standardized(material: Material, group: str) -> Floats:
     """Standardized residuals (n,) of the controlled observations of a group that were used."""
     table = material.residuals
-    own = table["standardized"][(table["group"] == group) & (table["status"] == "used")]
+    names = [name for name in table["group"].unique() if observation_group(str(name)) == group]
+    own = table["standardized"][table["group"].isin(names) & (table["status"] == "used")]
     values: Floats = own.dropna().to_numpy(np.float64)
     return values
 
@@ -80,15 +81,15 @@ def standardized_table(material: Material) -> Table:
         *(Column(f"beyond_{level}", f"|w| > {level}", "%") for level in LEVELS),
     )
     rows = []
-    for name in material.residuals["group"].unique():
-        values = standardized(material, str(name))
+    for name in dict.fromkeys(observation_group(str(name)) for name in material.residuals["group"].unique()):
+        values = standardized(material, name)
         size = np.abs(values)
         if len(values) == 0:
             continue
         figures = [float(values.mean()), float(np.sqrt(np.mean(values**2))), float(size.max())]
         shares = [100.0 * float((size > level).mean()) for level in LEVELS]
         cells = (*numbers((float(len(values)),), 0), *numbers(figures, 2), *numbers(shares, 2))
-        rows.append(Row(str(name), (group_words(str(name)), *cells)))
+        rows.append(Row(name, (group_words(name), *cells)))
     expected = [100.0 * float(special.erfc(level / np.sqrt(2.0))) for level in LEVELS]
     nothing = numbers((None, 0.0, 1.0, None), 0)
     rows.append(Row("expected", ("normal distribution", *nothing, *numbers(expected, 3))))

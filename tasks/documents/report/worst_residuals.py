@@ -9,6 +9,7 @@ from tasks.document_kit.row_table import Shown, number_of, omitted, table_of, te
 from tasks.document_kit.table import Table
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.documents.report.suspicious import OBSERVATION, RESIDUAL, observation_key
+from tasks.quantities import observation_group
 
 #: Rows of each group.
 MOST_OF_GROUP = 8
@@ -28,7 +29,7 @@ def worst_table(material: Material) -> Table:
     size = table["standardized"].abs().where(table["status"] == "used")
     places = [
         place
-        for _, own in size.groupby(table["group"], sort=True)
+        for _, own in size.groupby(table["group"].map(observation_group), sort=True)
         for place in own.dropna().nlargest(MOST_OF_GROUP).index
     ]
     chosen = table.loc[places].assign(strip=lambda rows: material.strips_of(rows["image"]))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from tasks.documents.report.figures import gate_words
+from tasks.documents.report.histogram import standardized_table
 from tasks.documents.report.key_figures import Verdict, gate_table, verdict
 from tasks.documents.report.material import Material
+from tasks.documents.report.worst_residuals import MOST_OF_GROUP, worst_table
 from tasks.files.json_text import JSON
 from tasks.quantities import group_words
 from tasks.results.quality_gates import GateResult
@@ -131,3 +135,29 @@ def test_limits_and_groups_are_named_for_people() -> None:
     assert gate_words("something_new") == "something new"
     assert group_words("gnss_positions") == "GNSS positions"
     assert group_words("prior:gnss_strip_bias") == "priors: GNSS strip bias"
+    assert group_words("prior:gnss_strip_bias:N_01:f") == "priors: GNSS strip bias, N_01:f"
+    assert group_words("distances:P_2") == "distances, P_2"
+
+
+def test_priors_of_many_strips_are_one_group() -> None:
+    residuals = pd.DataFrame(
+        {
+            "group": [f"prior:gnss_strip_bias:S{strip}" for strip in range(20)] + ["gnss_positions"] * 4,
+            "standardized": np.arange(24.0),
+            "status": "used",
+            "image": None,
+            "point": None,
+            "component": "x",
+            "residual": 0.1,
+            "sigma": 0.1,
+            "unit": "m",
+        }
+    )
+    material = Material(
+        Project.model_construct(), summary_of([Notes((), {})], Gates(), {}), {}, *[NOTHING] * 15
+    )
+    material = replace(material, residuals=residuals)
+    vars(material)["oriented"] = pd.DataFrame({"image": [], "strip": []})
+    counted = [(row.key, row.cells[1].value) for row in standardized_table(material).rows[:-1]]
+    assert counted == [("prior:gnss_strip_bias", 20.0), ("gnss_positions", 4.0)]
+    assert len(worst_table(material).rows) == MOST_OF_GROUP + 4
