@@ -123,6 +123,9 @@ def statement(
     )
     numbers = [part.number for part in parts]
     said = list(dict.fromkeys(part.sentence for part in parts if part.sentence))
+    if max(numbers) == 0 and template.none:
+        about = {"name": template.name, "edition": template.edition, "least": template.least_check_points}
+        said = [template.none.format_map(about)]
     if max(numbers) == 0 and found.control:
         said.append(
             f"The {found.control:,} control points were used in the adjustment and are no "

@@ -103,6 +103,7 @@ class Template(_Data):
     survey_at_most : largest survey error in parts of the class; None: not requested.
     unit, decimals : of the numbers in the texts.
     tables : that must be published and not be empty.
+    none : the sentence where no part has points; empty: those of the parts.
     parts : one for each kind of points.
     """
 
@@ -115,10 +116,13 @@ class Template(_Data):
     unit: Literal["m", "cm", "mm"] = "m"
     decimals: Annotated[int, Field(ge=0, le=6)] = 3
     tables: tuple[str, ...] = ()
+    none: str = ""
     parts: tuple[Part, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
     def _only_known_names(self) -> Template:
+        for place in _quoted(self.none):
+            _require_known(place, ("name", "edition", "least"), "quantity")
         for table in self.tables:
             _require_known(table, TABLES, "table")
         for part in self.parts:
