@@ -69,17 +69,25 @@ class DivergenceError(AdjustmentError):
     iterations : number of iterations that were tried.
     weighted_squares : vᵀPv of each of them, the approximate values first.
     largest : the unknown that still moves most, in words.
+    weakest : the movement of the whole block that the observations hardly hold, with its σ; empty if none.
     """
 
     iterations: int
     weighted_squares: tuple[float, ...]
     largest: str
+    weakest: str = ""
 
     def __str__(self) -> str:
         history = ", ".join(f"{value:.4g}" for value in self.weighted_squares)
+        weakly = (
+            f"The observations hardly hold the block in {self.weakest}, so far that equations cannot be "
+            "linearised: add control points or positions that hold it, away from the line through the given "
+            "ones, or check whether their σ are stated too large. "
+        )
         return (
             f"No convergence after {self.iterations} iterations (vPv {history}). "
             f"The largest remaining change is at {self.largest}. "
+            f"{weakly if self.weakest else ''}"
             "Check the approximate values, units and angle conventions of the input."
         )
 

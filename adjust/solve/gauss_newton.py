@@ -1,7 +1,7 @@
 """Gauss–Newton iteration, with Levenberg–Marquardt damping only when a step fails.
 
-Damped steps of a weak network creep along a curved valley, which steps that let vᵀPv rise for a while leave:
-where they do not arrive, undamped ones are tried from the start.
+Damped steps of a weak network creep along a curved valley, because increments of coordinates are tangents of
+the movement that is hardly held: where they do not arrive, it is made exactly, again from the start.
 
 Stops when bᵀdx < ε². Since (dx_i/σ_i)² ≤ dxᵀ N dx = bᵀdx for every unknown (Cauchy–Schwarz), no
 unknown then moves by more than ε of its own a-priori standard deviation. In a free network bᵀdx does not
@@ -24,6 +24,7 @@ from adjust.solve.right_hand_side import with_right_hand_sides
 from adjust.solve.step import Step, factorized
 from adjust.solve.system import System
 from adjust.solve.updated_normals import updated_normals
+from adjust.solve.whole_block import WholeBlock
 
 # No unknown moves by more than this part of its standard deviation any more.
 _CONVERGED = 1e-3
@@ -33,6 +34,10 @@ _NEAR = 1.0
 # nothing by 1e-9 of its standard deviation, and their cofactors are right to as many digits.
 _SETTLED = 1e-5
 _FIRST_DAMPING = 1e-4
+# The same where movements of the block as a whole are made exactly.
+_LEAST_DAMPING = 1e-6
+# So many times as many steps for a block that is hardly held.
+_PATIENCE = 3
 # A step with the factors of an earlier state that is longer than this part of the one before is not made:
 # new normal equations take no longer than the many steps that would follow.
 _CONTRACTION = 0.02
@@ -258,7 +263,10 @@ def _iterated(
                 return _End(step.moved, at_end, tuple(history), False, step)
         before = step if damping == 0.0 and step.movements is None else None
         following = _try(system, step.moved, before)
-        if following is None or following.weighted_squares > squares * (1 + 1e-9) + 1e-9:
+        # The datum may go on moving where vPv is at its end.
+        short = step.largest_move < limit
+        rises = following is None or following.weighted_squares > squares * (1 + 1e-9) + 1e-9
+        if following is None or (rises and not short):
             damping, before = max(10.0 * damping, _FIRST_DAMPING), None
             normals = reduced_normals(system, state, damping)
             continue
@@ -271,29 +279,49 @@ def _iterated(
             normals = reduced_normals(system, state, damping)
     if may_stall:
         return _End(state, normals.weighted_squares, tuple(history), True, step)
-    undamped = _undamped(system, start, most, progress, limit)
-    if undamped is not None and undamped.weighted_squares <= normals.weighted_squares * (1 + 1e-9):
-        return undamped
-    raise DivergenceError(most, tuple(item.weighted_squares for item in history), _largest(system, step))
+    weakest = WholeBlock.of(step).weakest(step.state)
+    as_a_whole = _as_a_whole(system, start, _PATIENCE * most if weakest else most, progress, limit)
+    if as_a_whole is not None and as_a_whole.weighted_squares <= normals.weighted_squares * (1 + 1e-9):
+        return as_a_whole
+    raise DivergenceError(
+        most, tuple(item.weighted_squares for item in history), _largest(system, step), weakest
+    )
 
 
-def _undamped(
+def _as_a_whole(
     system: System, start: State, most: int, progress: Progress | None, limit: float
 ) -> _End | None:
-    """As ``_iterated``, every step as it is; None where that does not converge."""
-    state, history = start, list[Iteration]()
-    for number in range(1, most + 1):
-        try:
-            step = Step.newton(system, state, reduced_normals(system, state))
-        except (DatumDefectError, InconsistentBlockError):
-            return None
-        history.append(Iteration(number, step.normals.weighted_squares, step.largest_move, 0.0))
-        if progress is not None:
-            progress(history[-1])
-        state = step.moved
-        if step.largest_move < limit and step.datum_settled:
-            at_end = weighted_squares(system, state)
-            return _End(state, at_end, tuple(history), False, step) if np.isfinite(at_end) else None
+    """As ``_iterated``, the block moved as a whole exactly, and placed best; None where that does not converge.
+
+    Damping follows what a step gains (Marquardt): a movement of large σ bends by no more than that.
+    """
+    state, damping, least, history = start, 0.0, _LEAST_DAMPING, list[Iteration]()
+    try:
+        normals = reduced_normals(system, state)
+        for number in range(1, most + 1):
+            step = Step.newton(system, state, normals)
+            squares, short = normals.weighted_squares, step.largest_move < limit
+            history.append(Iteration(number, squares, step.largest_move, damping))
+            if progress is not None:
+                progress(history[-1])
+            if short and damping == 0.0 and step.datum_settled:
+                at_end = weighted_squares(system, step.moved)
+                return _End(step.moved, at_end, tuple(history), False, step) if np.isfinite(at_end) else None
+            block = WholeBlock.of(step)
+            moved = block.placed(block.moved(step))
+            following = _try(system, moved, None)
+            gain = -1.0 if following is None else squares - following.weighted_squares
+            if following is None or (gain < 0.0 and not short):
+                damping = max(10.0 * damping, least)
+                normals = reduced_normals(system, state, damping)
+                continue
+            state, normals = moved, following
+            if damping > 0.0:
+                least, gain = damping, gain / step.decrement
+                damping = 0.0 if short else damping * (0.1 if gain > 0.75 else 1.0 if gain > 0.25 else 3.0)
+                normals = reduced_normals(system, state, damping)
+    except (DatumDefectError, InconsistentBlockError):
+        return None
     return None
 
 

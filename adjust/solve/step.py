@@ -103,15 +103,20 @@ class Step:
         return added is None or settled(self.normals, added[0])
 
     @cached_property
-    def moved(self) -> State:
-        """The state after the step."""
+    def increments(self) -> tuple[Floats, Floats, Floats]:
+        """Of exposures (n, 6), border (g,) and object points (m, 3), with those to the inner constraints."""
         increments = (self.of_exposures, self.of_border, self._of_points)
         if self._towards_datum is not None:
             exposures, border, points = (
                 own + added for own, added in zip(increments, self._towards_datum, strict=True)
             )
             increments = exposures, border, points
-        return self.system.layout.update(self.state, *increments)
+        return increments
+
+    @cached_property
+    def moved(self) -> State:
+        """The state after the step."""
+        return self.system.layout.update(self.state, *self.increments)
 
 
 def factorized(
