@@ -9,11 +9,11 @@ its contradiction cannot be told from what it causes, and are searched for witho
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from adjust.arrays import Bools
+from adjust.arrays import Bools, Ints
 from adjust.errors import AdjustmentError, InconsistentBlockError
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.quality.readmission import Return, fitting_again
@@ -34,6 +34,7 @@ class Search:
     given_up : (m,) object points that are, with all that belongs to them.
     returned : for each group (n,), and (m,), what has come back once.
     per_pass : how many observations each pass rejected.
+    unlocated : indices of control points one of which is wrong, and it cannot be determined which.
     """
 
     given: Observations
@@ -43,6 +44,7 @@ class Search:
     returned: tuple[Bools, ...]
     returned_points: Bools
     per_pass: tuple[int, ...] = ()
+    unlocated: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @classmethod
     def start(cls, given: Observations, adjusted: Adjusted, rejected: Rejection | None = None) -> Search:
@@ -147,6 +149,7 @@ def snoop(
             if robust is None
             else robust_rejection(adjuster, search.adjusted, robust, rule)
         )
+        search = replace(search, unlocated=found.unlocated)
         if found.count == 0 and robust is not None:
             robust = None  # from here on nothing is weighted down any more
             continue

@@ -8,12 +8,13 @@ image, and of all observations that are no image points. The others are judged a
 object point is given up when it is left with too little to determine it, or when it cannot be determined
 which of its rays is wrong; with four rays or more only the two most likely are rejected, and the good one of
 them fits again in the end. A survey that most rays of its point contradict is rejected in their place.
+A control point from which another one cannot be told is not rejected.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -26,6 +27,7 @@ from adjust.observations.distance import Distances
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import OBJECT_POINT, State
+from adjust.quality.control_locatability import Doubtful, doubtful_control
 from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.locatability import Explanations, explanations
 from adjust.quality.redundancy import GroupResiduals
@@ -78,10 +80,18 @@ class Rejection:
     ----------
     rejected : for each group (n,) true for its rejected observations.
     given_up : (m,) object points taken out with all that belongs to them.
+    unlocated : indices of control points one of which is wrong, and it cannot be determined which.
     """
 
     rejected: tuple[Bools, ...]
     given_up: Bools
+    unlocated: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    @classmethod
+    def nothing(cls, observations: Observations, points: int) -> Rejection:
+        """No observation, and none of a number of object points."""
+        rejected = tuple(np.zeros(len(group.event), dtype=bool) for group in observations.groups)
+        return cls(rejected, np.zeros(points, dtype=bool))
 
     @property
     def count(self) -> int:
@@ -141,7 +151,28 @@ def reject(adjusted: Adjusted, rule: SnoopingRule) -> Rejection:
     """The observations that one pass of data snooping rejects."""
     statistics = snooping_statistics(adjusted, rule)
     least = _least(adjusted.observations, statistics, rule.critical_value)
-    return choose(adjusted.observations, adjusted.state, statistics, least)
+    swamped = _SWAMPED * max(float(item.max(initial=0.0)) for item in statistics)
+    doubtful = doubtful_control(adjusted, rule.critical_value, swamped)
+    if doubtful is not None and doubtful.size > 0.0:
+        # What such an error swamps would be rejected for it, and with it what says that there is one.
+        least = tuple(np.maximum(item, _SWAMPED * doubtful.size) for item in least)
+        statistics[doubtful.number][doubtful.rows] = 0.0
+    chosen = choose(adjusted.observations, adjusted.state, statistics, least)
+    return located(adjusted, chosen, rule, doubtful)
+
+
+def located(
+    adjusted: Adjusted, chosen: Rejection, rule: SnoopingRule, known: Doubtful | None = None
+) -> Rejection:
+    """A rejection without the control points of which it cannot be determined which one is wrong."""
+    doubtful = doubtful_control(adjusted, rule.critical_value, chosen=chosen.rejected)
+    if doubtful is None:
+        return chosen
+    rejected, given_up = list(chosen.rejected), chosen.given_up.copy()
+    rejected[doubtful.number] = rejected[doubtful.number] & ~doubtful.rows
+    given_up[adjusted.observations.groups[doubtful.number].point[doubtful.rows]] = False
+    points = doubtful.points if known is None else np.union1d(known.points, doubtful.points)
+    return Rejection(tuple(rejected), given_up, points)
 
 
 def _least(

@@ -28,9 +28,10 @@ from adjust.arrays import Floats
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
+from adjust.quality.control_locatability import doubtful_control
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.quality.redundancy import GroupResiduals
-from adjust.quality.rejection import Rejection, SnoopingRule, choose
+from adjust.quality.rejection import Rejection, SnoopingRule, choose, located
 from adjust.solve.gauss_newton import Iteration, converge
 from adjust.solve.normal_equations import reduced_normals, weighted_squares
 from adjust.solve.right_hand_side import with_right_hand_sides
@@ -89,6 +90,11 @@ def robust_rejection(
 ) -> Rejection:
     """Outliers of a robust adjustment: the largest of every object point and image."""
     state, observations = adjusted.state, adjusted.observations
+    doubtful = doubtful_control(adjusted, rule.critical_value)
+    if doubtful is not None and doubtful.size > 0.0:
+        return Rejection.nothing(
+            observations, len(state.object_point)
+        )  # sound image points would be weighted down in their place
     scales = scales_of(observations, adjusted.residuals)
     statistics = studentized(observations, state, scales)
     factors = tuple(np.ones(len(w)) for w in statistics)
@@ -107,7 +113,8 @@ def robust_rejection(
         statistics = studentized(observations, state, scales)
     largest = max((float(w.max(initial=0.0)) for w in statistics), default=0.0)
     least = max(rule.critical_value, _SWAMPED * largest)
-    return choose(observations, state, statistics, tuple(np.full(len(w), least) for w in statistics))
+    bounds = tuple(np.full(len(w), least) for w in statistics)
+    return located(adjusted, choose(observations, state, statistics, bounds), rule)
 
 
 def _moved(

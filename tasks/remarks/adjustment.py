@@ -119,6 +119,13 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
                 f"wrong one of {'its' if len(names) == 1 else 'their'} image points cannot be identified: "
                 f"{some_names(names)}."
             )
+    if names := figures.unlocated_control:
+        yield (
+            "Control points contradict each other, and residuals cannot tell which of "
+            f"{some_names(names)} is wrong: an error of one explains what the others contradict. None of them "
+            "was rejected, so the error is in the result. Check their coordinates and their measurement in "
+            "the images. More control points, or GNSS positions, would tell."
+        )
     for group in figures.groups:
         if group.uncontrolled and group.group in _UNCONTROLLED:
             yield _uncontrolled_words(group, figures.uncontrolled_control)

@@ -335,6 +335,53 @@ def test_a_wrong_height_that_hardly_anything_controls_is_no_scale_of_the_control
     assert "scale" in alike
 
 
+@pytest.fixture(scope="module")
+def on_six_points(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same on six control points."""
+    simulation = load_simulation("dmc-20cm", ("points.count=300", "control.control=6"), 4)
+    return simulate_project(simulation, tmp_path_factory.mktemp("six")).project_file
+
+
+@pytest.mark.parametrize(
+    ("number", "point", "suspects"),
+    [
+        (4, "C001", {"C001", "C012", "C097", "C108"}),
+        pytest.param(4, "C097", {"C001", "C012", "C097", "C108"}, marks=pytest.mark.slow),
+        (6, "C001", {"C001", "C049"}),
+    ],
+)
+def test_of_control_heights_that_cannot_be_told_from_each_other_none_is_rejected(
+    request: pytest.FixtureRequest, tmp_path: Path, number: int, point: str, suspects: set[str]
+) -> None:
+    """4 m: of four points so many were rejected that nothing held the block, of six two sound ones."""
+    project: Path = request.getfixturevalue({4: "on_four_points", 6: "on_six_points"}[number])
+    control = pd.read_csv(project.parent / "control.csv", dtype={"point": str})
+    row = control.index[control["point"] == point][0]
+    out = tmp_path / "results"
+    mistake = with_changes(project, out, "control.csv", slice(row, row + 1), {"z": 4.0})
+    found = adjusted_with(project, out, mistake, ON_CONTROL, BY_DEFAULT)
+    summary = json.loads((found.directory / "summary.json").read_text())
+    assert summary["rejected_control"] == []
+    assert set(summary["unlocated_control"]) == suspects
+    (said,) = (text for text in found.summary.problems if "contradict each other" in text)
+    assert ", ".join(sorted(suspects)) in said
+    (finding,) = findings(found.directory)
+    assert finding["quantity"] == "control_point"
+
+
+@pytest.mark.parametrize("number", [4, 6])
+def test_a_control_point_wrong_in_plan_is_rejected_and_named(
+    request: pytest.FixtureRequest, tmp_path: Path, number: int
+) -> None:
+    project: Path = request.getfixturevalue({4: "on_four_points", 6: "on_six_points"}[number])
+    out = tmp_path / "results"
+    mistake = with_changes(project, out, "control.csv", slice(0, 1), {"x": 4.0})
+    found = adjusted_with(project, out, mistake, ON_CONTROL, BY_DEFAULT)
+    summary = json.loads((found.directory / "summary.json").read_text())
+    assert summary["rejected_control"] == ["C001"]
+    assert summary["unlocated_control"] == []
+
+
 def test_heights_that_hardly_anything_controls_are_named_as_what_may_stay_unnoticed(
     on_four_points: Path, tmp_path: Path
 ) -> None:
