@@ -291,7 +291,7 @@ def _iterated(
 def _as_a_whole(
     system: System, start: State, most: int, progress: Progress | None, limit: float
 ) -> _End | None:
-    """As ``_iterated``, the block moved as a whole exactly, and placed best; None where that does not converge.
+    """As ``_iterated``, the block moved as a whole exactly, and placed best; None: that does not converge.
 
     Damping follows what a step gains (Marquardt): a movement of large σ bends by no more than that.
     """
