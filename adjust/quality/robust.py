@@ -92,9 +92,8 @@ def robust_rejection(
     state, observations = adjusted.state, adjusted.observations
     doubtful = doubtful_control(adjusted, rule.critical_value)
     if doubtful is not None and doubtful.size > 0.0:
-        return Rejection.nothing(
-            observations, len(state.object_point)
-        )  # sound image points would be weighted down in their place
+        # Sound image points would be weighted down in their place.
+        return Rejection.nothing(observations, len(state.object_point))
     scales = scales_of(observations, adjusted.residuals)
     statistics = studentized(observations, state, scales)
     factors = tuple(np.ones(len(w)) for w in statistics)

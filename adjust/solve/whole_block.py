@@ -3,8 +3,8 @@
 Observations of little weight may leave a similarity movement with a σ of degrees or of a part of the flying
 height. Added to coordinates, an increment of a rotation θ is a tangent: it stretches the block by θ²/2, which
 image points notice at a small part of that σ. So a step is split into the movement of the block, made
-exactly, and the rest, and what holds the block as a whole is minimised over these few movements alone; image points
-notice none of them.
+exactly, and the rest, and what holds the block as a whole is minimised over these few movements alone; image
+points notice none of them.
 """
 
 from __future__ import annotations

@@ -123,8 +123,8 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
         yield (
             "Control points contradict each other, and residuals cannot tell which of "
             f"{some_names(names)} is wrong: an error of one explains what the others contradict. None of "
-            "them was rejected, so the error is in the result. Check their coordinates and their measurement in "
-            "the images. More control points, or GNSS positions, would tell."
+            "them was rejected, so the error is in the result. Check their coordinates and their measurement "
+            "in the images. More control points, or GNSS positions, would tell."
         )
     for group in figures.groups:
         if group.uncontrolled and group.group in _UNCONTROLLED:
