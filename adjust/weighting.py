@@ -41,9 +41,9 @@ _MOST_TURNS = 10
 _ROUGHLY = 0.1
 _MOST_ROUGH_ROUNDS = 6
 # Residuals contradict the weights of a part so many σ beyond what is expected, with some redundancy at least.
-# If they do so by chance, the part is estimated or, where it stays weak, keeps what was stated. Of 600 blocks of
-# 10 to 24 images with the right weights that happened in six, with σ 1.6 to 1.8 times too large; with 3 in none,
-# but a σ ten times too small was then found in 6 of 20 blocks in place of 15.
+# If they do so by chance, the part is estimated or, where it stays weak, keeps what was stated. Of 600 blocks
+# of 10 to 24 images with the right weights that happened in six, with σ 1.6 to 1.8 times too large; with 3 in
+# none, but σ of roll and pitch ten times too small were then found in 6 of 20 blocks in place of 15.
 _BEYOND, _LEAST_DOUBTED = 2.0, 0.01
 # Part of the step before above which one in the other direction is swinging, not settling.
 _SWINGING = 0.4
