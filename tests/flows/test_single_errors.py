@@ -347,7 +347,7 @@ def on_six_points(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         (4, "C001", {"C001", "C012", "C097", "C108"}),
         pytest.param(4, "C097", {"C001", "C012", "C097", "C108"}, marks=pytest.mark.slow),
-        (6, "C001", {"C001", "C049"}),
+        (6, "C001", {"C001", "C049", "C108"}),
     ],
 )
 def test_of_control_heights_that_cannot_be_told_from_each_other_none_is_rejected(
