@@ -30,7 +30,7 @@ def components(seed: int, group: str = "", stated_over_true: float = 1.0) -> dic
 
 @pytest.mark.slow
 def test_positions_with_the_right_sigma_hardly_ever_move() -> None:
-    """By chance in six of the first 200 blocks, with σ 1.57 to 1.78 times too large; of 400 larger ones none."""
+    """By chance in six of the first 200 blocks, with σ 1.57 to 1.78 times too large; in no larger block."""
     trials = 100
     moved = [item for seed in range(trials) if (item := components(seed)["gnss_positions plan"]).estimated]
     print(f"{len(moved)} of {trials} moved: {[round(item.factor, 2) for item in moved]}")
