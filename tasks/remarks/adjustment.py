@@ -121,10 +121,10 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
             )
     if names := figures.unlocated_control:
         yield (
-            "Control points contradict each other, and residuals cannot tell which of "
-            f"{some_names(names)} is wrong: an error of one explains what the others contradict. None of "
-            "them was rejected, so the error is in the result. Check their coordinates and their measurement "
-            "in the images. More control points, or GNSS positions, would tell."
+            f"Control points contradict each other, and it cannot be determined which of {some_names(names)} "
+            "is wrong: an error of one explains what the others contradict. None of them was rejected, so "
+            "the error is in the result. Check their coordinates and their measurement in the images, or add "
+            "control points or GNSS positions that separate them."
         )
     for group in figures.groups:
         if group.uncontrolled and group.group in _UNCONTROLLED:
