@@ -5,7 +5,7 @@ Parts of the observations may get standard deviations of their own, by file, cam
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,11 +38,13 @@ from tasks.block.strip_motion import require_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.settings.adjustment import AdjustmentSettings
+from tasks.store.artifact import Artifact
+from tasks.tables.parquet import read_table
 
 
 @dataclass(frozen=True, eq=False)
 class DeliveredTables:
-    """The tables an adjustment starts from."""
+    """The tables an adjustment starts from: of the deliveries, and of the approximate values."""
 
     exposures: pd.DataFrame
     cameras: pd.DataFrame
@@ -52,6 +54,13 @@ class DeliveredTables:
     approximate_points: pd.DataFrame
     approximate_boresight: pd.DataFrame
     approximate_orientations: pd.DataFrame
+
+    @classmethod
+    def of(cls, tables: Mapping[str, Artifact]) -> DeliveredTables:
+        """The tables as they are stored, by the names of the attributes."""
+        return cls(
+            **{name: read_table(table, categories=name == "image_points") for name, table in tables.items()}
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,13 @@ intersected from them. Image points are as measured, cameras as given.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from tasks.block.assembled_block import DeliveredTables
 from tasks.block.oriented_images import oriented_images
 from tasks.coordinates.crs import MapFrame
 from tasks.handover.block_points import block_points
@@ -27,17 +28,6 @@ from tasks.store.artifact import Artifact
 from tasks.tables.parquet import read_table
 
 _SIGMAS = ("x_m", "y_m", "z_m", "omega_deg", "phi_deg", "kappa_deg")
-
-
-@dataclass(frozen=True, eq=False)
-class _Tables:
-    exposures: pd.DataFrame
-    cameras: pd.DataFrame
-    image_points: pd.DataFrame
-    control_points: pd.DataFrame
-    approximate_points: pd.DataFrame
-    approximate_orientations: pd.DataFrame
-    approximate_boresight: pd.DataFrame
 
 
 def convert_block(
@@ -65,7 +55,7 @@ def convert_block(
     """
     form = chosen_format(to, EXCHANGE)
     found = chosen_world(("map" if "map" in form.worlds else "local") if world is None else world, form)
-    tables = _Tables(**{name: read_table(outputs[name]) for name in _Tables.__dataclass_fields__})
+    tables = DeliveredTables.of({field.name: outputs[field.name] for field in fields(DeliveredTables)})
     block = _block(tables, project)
     if "film_orientations" in outputs:
         block = replace(block, film=frozenset(read_table(outputs["film_orientations"])["camera"].astype(str)))
@@ -79,7 +69,7 @@ def convert_block(
     )
 
 
-def _block(tables: _Tables, project: ProjectSettings) -> Results:
+def _block(tables: DeliveredTables, project: ProjectSettings) -> Results:
     place = MapFrame.of(project.crs, project.heights)
     given, frame, _ = oriented_images(
         tables.exposures, tables.cameras, tables.image_points, place, tables.approximate_orientations

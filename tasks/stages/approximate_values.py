@@ -6,6 +6,7 @@ Everything that would make the adjustment wrong or impossible is looked for here
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,23 +56,18 @@ from tasks.tables.stage_table import write_stage_table
 
 def write_approximate_block(
     folder: Path,
-    *,
-    exposures: Artifact,
-    cameras: Artifact,
-    image_points: Artifact,
-    control_points: Artifact,
-    distances: Artifact,
+    tables: Mapping[str, Artifact],
     project: ProjectSettings,
     checks: ChecksSettings,
+    *,
     misaligned: bool,
 ) -> None:
     """Write the tables of approximate values; see `tasks.stages.approximate_values_stage`."""
     announce_compilation()
     map_frame = MapFrame.of(project.crs, project.heights)
-    measured = read_table(image_points, categories=True)
-    surveyed_table = read_table(control_points)
-    delivered, camera_table = read_table(exposures), read_table(cameras)
-    given_distances = read_table(distances)
+    measured = read_table(tables["image_points"], categories=True)
+    surveyed_table, given_distances = read_table(tables["control_points"]), read_table(tables["distances"])
+    delivered, camera_table = read_table(tables["exposures"]), read_table(tables["cameras"])
     mounted, alone = _checked_alone(
         delivered, camera_table, measured, surveyed_table, map_frame, checks, misaligned=misaligned
     )

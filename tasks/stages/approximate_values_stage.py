@@ -16,15 +16,12 @@ MOUNTINGS = frozenset({"boresight", "relative_rotation"})
 @stored("approximate_values")
 def approximate_block(
     folder: Path,
+    /,
     *,
-    exposures: Artifact,
-    cameras: Artifact,
-    image_points: Artifact,
-    control_points: Artifact,
-    distances: Artifact,
     project: ProjectSettings,
     checks: ChecksSettings,
     misaligned: bool = False,
+    **tables: Artifact,
 ) -> None:
     """Orient images without given orientation, intersect all object points, refuse contradictory input.
 
@@ -33,6 +30,7 @@ def approximate_block(
     Parameters
     ----------
     misaligned : whether mountings are to be estimated, so that any usual boresight is possible.
+    tables : exposures, cameras, image_points, control_points and distances.
 
     Raises
     ------
@@ -42,14 +40,4 @@ def approximate_block(
     # A run that finds the output stored never loads what computes it.
     from tasks.stages.approximate_values import write_approximate_block
 
-    write_approximate_block(
-        folder,
-        exposures=exposures,
-        cameras=cameras,
-        image_points=image_points,
-        control_points=control_points,
-        distances=distances,
-        project=project,
-        checks=checks,
-        misaligned=misaligned,
-    )
+    write_approximate_block(folder, tables, project, checks, misaligned=misaligned)

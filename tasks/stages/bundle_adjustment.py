@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -71,31 +72,14 @@ _FREE_NETWORK = (
 
 def write_adjusted_bundle(
     folder: Path,
-    *,
-    exposures: Artifact,
-    cameras: Artifact,
-    image_points: Artifact,
-    control_points: Artifact,
-    distances: Artifact,
-    approximate_points: Artifact,
-    approximate_boresight: Artifact,
-    approximate_orientations: Artifact,
+    tables: Mapping[str, Artifact],
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
     calibrated: tuple[Artifact, Artifact] | None,
     trust_map: TrustMapSettings | None,
 ) -> None:
     """Adjust the block and write its tables; see `tasks.stages.bundle_adjustment_stage`."""
-    delivered = DeliveredTables(
-        read_table(exposures),
-        read_table(cameras),
-        read_table(image_points, categories=True),
-        read_table(control_points),
-        read_table(distances),
-        read_table(approximate_points),
-        read_table(approximate_boresight),
-        read_table(approximate_orientations),
-    )
+    delivered = DeliveredTables.of(tables)
     prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
     estimated = _estimated(prepared, adjustment, trust_map is not None)
     notes = _written(folder, prepared, estimated, adjustment)

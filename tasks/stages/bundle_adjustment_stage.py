@@ -14,19 +14,13 @@ from tasks.store.store import stored
 @stored("bundle_adjustment")
 def adjust_bundle(
     folder: Path,
+    /,
     *,
-    exposures: Artifact,
-    cameras: Artifact,
-    image_points: Artifact,
-    control_points: Artifact,
-    distances: Artifact,
-    approximate_points: Artifact,
-    approximate_boresight: Artifact,
-    approximate_orientations: Artifact,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
     calibrated: tuple[Artifact, Artifact] | None = None,
     trust_map: TrustMapSettings | None = None,
+    **tables: Artifact,
 ) -> None:
     """Adjust the block and write orientations, points, residuals, parameters and their quality.
 
@@ -35,6 +29,7 @@ def adjust_bundle(
     calibrated : parameters and correlations of the adjustment that has calibrated the cameras, where this is
         the first of two steps: then ``strip_errors.parquet`` is written, too.
     trust_map : how to evaluate the accuracy over the ground, as ``trust_map_cells.parquet``; None: none.
+    tables : those of `tasks.block.assembled_block.DeliveredTables`.
 
     Raises
     ------
@@ -44,18 +39,4 @@ def adjust_bundle(
     # A run that finds the output stored never loads what computes it.
     from tasks.stages.bundle_adjustment import write_adjusted_bundle
 
-    write_adjusted_bundle(
-        folder,
-        exposures=exposures,
-        cameras=cameras,
-        image_points=image_points,
-        control_points=control_points,
-        distances=distances,
-        approximate_points=approximate_points,
-        approximate_boresight=approximate_boresight,
-        approximate_orientations=approximate_orientations,
-        project=project,
-        adjustment=adjustment,
-        calibrated=calibrated,
-        trust_map=trust_map,
-    )
+    write_adjusted_bundle(folder, tables, project, adjustment, calibrated, trust_map)

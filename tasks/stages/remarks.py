@@ -39,7 +39,6 @@ from tasks.tables.parquet import read_table
 
 def write_remarks(
     folder: Path,
-    *,
     notes: Artifact,
     model_alternatives: Artifact,
     distance_residuals: Artifact,

@@ -26,10 +26,4 @@ def describe_adjustment(
     # A run that finds the output stored never loads what reads its tables.
     from tasks.stages.remarks import write_remarks
 
-    write_remarks(
-        folder,
-        notes=notes,
-        model_alternatives=model_alternatives,
-        distance_residuals=distance_residuals,
-        residual_autocorrelation=residual_autocorrelation,
-    )
+    write_remarks(folder, notes, model_alternatives, distance_residuals, residual_autocorrelation)

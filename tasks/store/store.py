@@ -227,8 +227,9 @@ def stored(
     """Make a function that writes files into a folder a stage whose output is kept in a store.
 
     The decorated function takes a `Store` in place of the folder and keyword arguments only
-    (artifacts, settings, tuples, lists and dicts of these, plain values) and returns the artifacts it
-    wrote by name (`tasks.store.artifact.artifact_names`). It computes nothing when the store has the
+    (artifacts, settings, tuples, lists and dicts of these, plain values; ``**tables`` for artifacts that are
+    told apart by their names) and returns the artifacts it wrote by name
+    (`tasks.store.artifact.artifact_names`). It computes nothing when the store has the
     output already.
 
     Raises
@@ -283,7 +284,7 @@ def _bound(
         raise TypeError("a stage takes the store and keyword arguments only")
     bound = signature.bind(None, **kwargs)
     bound.apply_defaults()
-    return dict(list(bound.arguments.items())[1:])
+    return bound.kwargs
 
 
 def _compute(

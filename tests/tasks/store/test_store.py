@@ -38,6 +38,11 @@ def add_numbers(folder: Path, *, numbers: Artifact, offset: float = 0.0) -> None
     (folder / "total.json").write_text(json.dumps({"total": total}))
 
 
+@stored("count_tables")
+def count_tables(folder: Path, /, *, offset: int = 0, **tables: Artifact) -> None:
+    (folder / "names.json").write_text(json.dumps(sorted(tables)))
+
+
 @stored("add_numbers_slowly")
 def overwrite_its_input(folder: Path, *, delivery: Delivery) -> None:
     (folder / "seen.txt").write_text(delivery.file.read_text())
@@ -133,6 +138,16 @@ def test_an_input_that_gives_the_same_numbers_does_not_repeat_the_next_stage(
     run(store, delivery)
     delivery.file.write_text("1.0\n2.0\n3.0\n")
     assert run(store, delivery) == (6.0, ["read_numbers"])
+
+
+def test_a_stage_that_takes_its_tables_by_name_tells_them_apart(store: Store, delivery: Delivery) -> None:
+    numbers = read_numbers(store, delivery=delivery)["numbers"]
+    first = count_tables(store, exposures=numbers, cameras=numbers)["names"]
+    other = count_tables(store, exposures=numbers, control_points=numbers)["names"]
+    assert json.loads(first.path.read_text()) == ["cameras", "exposures"]
+    assert json.loads(other.path.read_text()) == ["control_points", "exposures"]
+    parts = json.loads((first.path.parent / "stage.json").read_text())["key_parts"]["arguments"]
+    assert sorted(parts) == ["cameras", "exposures", "offset"]
 
 
 def test_rows_and_digest_come_with_the_artifact(store: Store, delivery: Delivery) -> None:
