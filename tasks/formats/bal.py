@@ -17,8 +17,10 @@ from adjust.arrays import Floats
 from adjust.geometry.rotation import exp
 from tasks.errors import Location
 from tasks.formats.plain_records import (
+    LOCAL,
+    degrees_of_rotations,
+    exposures_of,
     image_points_of,
-    local_exposures_of,
     names_of_numbers,
 )
 from tasks.formats.records import AngleOrder, ExposureRecords, ImagePointRecords
@@ -42,7 +44,8 @@ def read_bal_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         raise Location(path).error("A rotation vector is longer than a full turn.", "Deliver the file again.")
     world_from_camera = np.swapaxes(exp(cameras[:, :3]), 1, 2)
     centre = -np.einsum("nij,nj->ni", world_from_camera, cameras[:, 3:6])
-    return local_exposures_of(path, names, centre, world_from_camera, at)
+    angles = degrees_of_rotations(path, world_from_camera, names, at)
+    return exposures_of(path, names, centre, angles, at, unit="deg", states=LOCAL)
 
 
 def read_bal_image_points(path: Path) -> ImagePointRecords:

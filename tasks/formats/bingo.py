@@ -11,14 +11,13 @@ points of ``itera.dat`` are passed over.
 
 from __future__ import annotations
 
-from array import array
 from pathlib import Path
 
 from tasks.errors import Location
-from tasks.formats.long_columns import table_of
+from tasks.formats.long_columns import LongRows
 from tasks.formats.named_entries import NotTaken
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import control_of, exposures_of, numbers_of
+from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords
 
 _COMMENTS = ("*", "#")
@@ -33,20 +32,16 @@ def read_bingo_control(path: Path) -> ControlRecords:
     InputError
         With file and line: no such lines, coordinates that are not numbers.
     """
-    point, role = [], []
-    position, at = array("d"), array("q")
-    rest = NotTaken()
+    points, rest = LongRows("position"), NotTaken()
     for number, line in numbered_lines(path):
         fields = line.split()
         if len(fields) < 2 or fields[0].upper() not in _ROLES:
             rest.add(word for word in fields[:1] if not word.startswith(_COMMENTS) and word != "C")
             continue
         rest.add(["fields behind E, N, H"] if fields[5:] else [])
-        point.append(fields[1])
-        position.extend(numbers_of(path, fields[2:], 3, number, "E, N, H of a point"))
-        role.append(_ROLES[fields[0].upper()])
-        at.append(number)
-    return control_of(path, point, table_of(position, 3), at, role=role, remarks=rest.remarks(path))
+        place = numbers_of(path, fields[2:], 3, number, "E, N, H of a point")
+        points.append(fields[1], place, text=_ROLES[fields[0].upper()], line=number)
+    return points.control(path, remarks=rest.remarks(path))
 
 
 def read_bingo_orientations(path: Path, order: AngleOrder) -> ExposureRecords:
@@ -62,17 +57,14 @@ def read_bingo_orientations(path: Path, order: AngleOrder) -> ExposureRecords:
             "A BINGO file contains φ, ω, κ (or ω, φ, κ), but the project file declares heading-pitch-roll.",
             'Declare angles.order = "phi-omega-kappa".',
         )
-    image, camera = [], []
-    position, angles, at = array("d"), array("d"), array("q")
+    rows = LongRows("position", "angles")
     for number, line in numbered_lines(path):
         fields = line.split()
         if len(fields) < 2 or fields[0].upper() != "ORIA":
             continue
         values = numbers_of(path, fields[2:], 6, number, "X, Y, Z and three angles")
         first, second, third = values[3:]
-        image.append(fields[1])
-        position.extend(values[:3])
-        angles.extend([second, first, third] if order == "phi-omega-kappa" else [first, second, third])
-        camera.append(fields[8] if len(fields) > 8 else None)
-        at.append(number)
-    return exposures_of(path, image, table_of(position, 3), table_of(angles, 3), at, camera=camera)
+        angles = [second, first, third] if order == "phi-omega-kappa" else [first, second, third]
+        camera = fields[8] if len(fields) > 8 else None
+        rows.append(fields[1], values[:3], angles, text=camera, line=number)
+    return rows.exposures(path)

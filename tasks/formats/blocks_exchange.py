@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
-from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from itertools import chain
@@ -29,14 +28,9 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.crs_definition import WELL_KNOWN
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
-from tasks.formats.long_columns import LongPoints, table_of
+from tasks.formats.long_columns import LongPoints, LongRows
 from tasks.formats.named_entries import ImagesByName, take_camera
-from tasks.formats.plain_records import (
-    control_of,
-    degrees_of_rotations,
-    exposures_of,
-    number_of,
-)
+from tasks.formats.plain_records import number_of
 from tasks.formats.records import (
     AngleOrder,
     ControlRecords,
@@ -70,30 +64,25 @@ def read_blocks_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     """
     root = parsed_xml(path)
     _require_one_camera_a_name(path, root)
-    image, camera, at = [], [], []
-    centre, rotation = array("d"), array("d")
+    rows = LongRows("position", "rotation")
     of_block, systems = root.findtext(".//Block/SRSId"), set()
     for number, (name, group, photo) in enumerate(_photos(path, root), start=1):
         pose = photo.find("Pose")
         point, turn = (None, None) if pose is None else (pose.find("Center"), pose.find("Rotation"))
         if point is None or turn is None or len(turn) == 0:
             continue
-        image.append(name)
-        camera.append(group.findtext("Name"))
         systems.add(group.findtext("SRSId") or of_block)
-        centre.extend(_number(path, point, axis) for axis in "xyz")
-        rotation.extend((_world_from_camera(path, turn) @ _camera_from_ours(path, group)).ravel().tolist())
-        at.append(number)
+        centre = [_number(path, point, axis) for axis in "xyz"]
+        rotation = _world_from_camera(path, turn) @ _camera_from_ours(path, group)
+        rows.append(name, centre, rotation.ravel(), text=group.findtext("Name"), line=number)
     crs, place = _reference(path, root, _one_of("Photos", path, systems))
     # Its elements have been taken apart.
     root.clear()
-    centres, rotations = table_of(centre, 3), table_of(rotation, 9).reshape(-1, 3, 3)
-    states = FileStatement(crs=crs, order="omega-phi-kappa")
-    if place is not None:
-        centres, rotations = geographic_poses(*geocentric_poses((*place, 0.0), centres, rotations))
-        states = GEOGRAPHIC
-    angles = degrees_of_rotations(path, rotations, image, at)
-    return exposures_of(path, image, centres, angles, at, camera=camera, unit="deg", states=states)
+    if place is None:
+        return rows.exposures(path, FileStatement(crs=crs, order="omega-phi-kappa"))
+    centres, rotations = geocentric_poses((*place, 0.0), rows["position"], rows["rotation"])
+    centres, rotations = geographic_poses(centres, rotations)
+    return rows.exposures(path, GEOGRAPHIC, position=centres, rotation=rotations)
 
 
 def read_blocks_cameras(path: Path) -> Mapping[str, PixelCamera]:
@@ -181,7 +170,7 @@ def read_blocks_control(path: Path) -> ControlRecords:
         If there are none, numbers are missing, or they are in several reference systems.
     """
     root = parsed_xml(path)
-    point, position, role, sigma, at = [], [], [], [], []
+    rows = LongRows("position", "sigma")
     of_list = root.findtext(".//ControlPoints/SRSId") or root.findtext(".//Block/SRSId")
     systems = set()
     for number, item in enumerate(root.iter("ControlPoint"), start=1):
@@ -201,27 +190,23 @@ def read_blocks_control(path: Path) -> ControlRecords:
         plan, height = (
             nan if text is None else number_of(path, text, number, "an accuracy") for text in accuracy
         )
-        point.append(item.findtext("Name") or "")
-        position.append(values)
         is_check = (item.findtext("CheckPoint") or "").strip().lower() in ("true", "1")
-        role.append("check" if is_check else "control")
-        sigma.append([plan, plan, height])
+        role = "check" if is_check else "control"
+        rows.append(item.findtext("Name") or "", values, (plan, plan, height), text=role, line=number)
         systems.add(item.findtext("SRSId") or of_list)
-        at.append(number)
     crs, local_place = _reference(path, root, _one_of("Control points", path, systems))
     if local_place is None:
-        states = FileStatement(crs=crs)
-        return control_of(path, point, position, at, role=role, sigma=sigma, states=states)
-    given = np.array(position).reshape(-1, 3)
+        return rows.control(path, FileStatement(crs=crs))
+    given = rows["position"]
     if np.isnan(given).any():
-        raise Location(path, entity=point[int(np.argmax(np.isnan(given).any(axis=1)))]).error(
+        raise Location(path, entity=rows.names[int(np.argmax(np.isnan(given).any(axis=1)))]).error(
             "Points with incomplete coordinates cannot be read in a local east, north, up system.",
             "Export them in a map projection.",
         )
     turn = np.broadcast_to(np.eye(3), (len(given), 3, 3))
     geographic, _ = geographic_poses(*geocentric_poses((*local_place, 0.0), given, turn))
     states = FileStatement(crs=GEOGRAPHIC.crs, heights="ellipsoidal")
-    return control_of(path, point, geographic, at, role=role, sigma=sigma, states=states)
+    return rows.control(path, states, position=geographic)
 
 
 def read_blocks_image_points(path: Path) -> ImagePointRecords:

@@ -15,11 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from tasks.errors import Location
-from tasks.formats.long_columns import table_of
+from tasks.formats.long_columns import LongRows, table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
+    LOCAL,
+    degrees_of_rotations,
+    exposures_of,
     image_points_of,
-    local_exposures_of,
     names_of_numbers,
     numbers_of,
 )
@@ -36,21 +38,17 @@ def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         With file and line: another version of the file, numbers missing.
     """
     rows, cameras, _ = _opened(path)
-    image: list[str] = []
-    values, at = array("d"), array("q")
+    images = LongRows("rotation", "shift")
     for number in range(cameras):
         lens = array("d")
         for place, line in islice(rows, 5):
             lens.extend(numbers_of(path, line.split(), 3, place, "three numbers of a camera"))
-        if not any(lens[:3]):
-            continue
-        image.append(str(number))
-        values.extend(lens[3:])
-        at.append(3 + 5 * number)
-    table = table_of(values, 12)
-    world_from_camera = table[:, :9].reshape(-1, 3, 3).transpose(0, 2, 1)
-    centre = -np.einsum("nij,nj->ni", world_from_camera, table[:, 9:])
-    return local_exposures_of(path, image, centre, world_from_camera, at)
+        if any(lens[:3]):
+            images.append(str(number), lens[3:12], lens[12:], line=3 + 5 * number)
+    world_from_camera = np.swapaxes(images["rotation"], 1, 2)
+    centre = -np.einsum("nij,nj->ni", world_from_camera, images["shift"])
+    angles = degrees_of_rotations(path, world_from_camera, images.names, images.line)
+    return exposures_of(path, images.names, centre, angles, images.line, unit="deg", states=LOCAL)
 
 
 def read_bundler_image_points(path: Path) -> ImagePointRecords:

@@ -11,7 +11,7 @@ image is id, quaternion w x y z, translation, camera, name up to a zero byte, an
 from __future__ import annotations
 
 import struct
-from array import array
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,11 +25,13 @@ from adjust.arrays import Floats
 from tasks.errors import InputError, Location
 from tasks.files.delivered_file import file_limits
 from tasks.formats.colmap_rigs import colmap_events, colmap_heads
-from tasks.formats.long_columns import table_of
+from tasks.formats.long_columns import LongRows
 from tasks.formats.plain_records import (
     CV_AXES,
+    LOCAL,
+    degrees_of_rotations,
+    exposures_of,
     image_points_of,
-    local_exposures_of,
     names_of_numbers,
     number_of,
     numbers_of,
@@ -83,27 +85,19 @@ def read_colmap_exposures(
     InputError
         If the file is damaged, or a quaternion is none; as of `tasks.formats.rigs`.
     """
-    name: list[str] = []
-    numbers: list[int] = []
-    cameras: list[str] = []
-    known: dict[str, str] = {}
-    poses, line = array("d"), array("q")
+    rows, numbers = LongRows("quaternion", "shift"), list[int]()
     for one in _images(path):
-        name.append(one.name)
         numbers.append(one.number)
-        cameras.append(known.setdefault(one.camera, one.camera))
-        poses.extend(one.pose)
-        line.append(one.line)
-    pose = table_of(poses, 7)
-    camera_from_world = rotations_of_quaternions(path, pose[:, :4], name, line)
-    world_from_camera = np.swapaxes(camera_from_world, 1, 2)
-    centre = -np.einsum("nij,nj->ni", world_from_camera, pose[:, 4:])
-    records = local_exposures_of(path, name, centre, world_from_camera @ CV_AXES, line, cameras)
+        rows.append(one.name, one.pose[:4], one.pose[4:], text=sys.intern(one.camera), line=one.line)
+    name, cameras, line = rows.names, rows.texts, rows.line
+    world_from_camera = np.swapaxes(rotations_of_quaternions(path, rows["quaternion"], name, line), 1, 2)
+    centre = -np.einsum("nij,nj->ni", world_from_camera, rows["shift"])
+    angles = degrees_of_rotations(path, world_from_camera @ CV_AXES, name, line)
+    records = exposures_of(path, name, centre, angles, line, camera=cameras, unit="deg", states=LOCAL)
     if rigs is None:
         return records
-    events = colmap_events(
-        rigs[1], dict(zip(numbers, name, strict=True)), dict(zip(name, cameras, strict=True))
-    )
+    of_images = {image: camera or "" for image, camera in zip(name, cameras, strict=True)}
+    events = colmap_events(rigs[1], dict(zip(numbers, name, strict=True)), of_images)
     found = rigs_of(rigs[1], colmap_heads(rigs[0]), events, set(name))
     return with_rigs(records, found, centre, world_from_camera)
 

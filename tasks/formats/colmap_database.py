@@ -13,7 +13,6 @@ memory: nothing in it is carried out.
 from __future__ import annotations
 
 import sqlite3
-from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -26,8 +25,8 @@ from adjust.arrays import Floats
 from tasks.errors import InputError, Location
 from tasks.formats.colmap import camera_of_colmap, model_of_number
 from tasks.formats.homologous_points import joined_to_tracks, named, tie_names
-from tasks.formats.long_columns import table_of
-from tasks.formats.plain_records import exposures_of, image_points_of
+from tasks.formats.long_columns import LongRows
+from tasks.formats.plain_records import image_points_of
 from tasks.formats.records import (
     AngleOrder,
     ExposureRecords,
@@ -133,9 +132,7 @@ def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRe
     InputError
         If the database is damaged, has no priors, or both geographic and Cartesian ones.
     """
-    image: list[str] = []
-    camera: list[str] = []
-    position, sigma, systems = array("d"), array("d"), set()
+    images, systems = LongRows("position", "sigma_position"), set()
     with _opened(path) as database:
         names = _names(path, database)
         cameras = {number: str(own) for number, own in _rows(path, database, "images", "image_id, camera_id")}
@@ -153,26 +150,15 @@ def read_colmap_database_exposures(path: Path, _order: AngleOrder) -> ExposureRe
             values = _array(path, row[1] or b"", "<f8", entry)
             if number not in names or len(values) != 3 or system not in (_WGS84, _CARTESIAN):
                 raise _damaged(path, entry)
-            image.append(names[number])
-            camera.append(cameras[number])
-            position.extend(values[[1, 0, 2]] if system == _WGS84 else values)
-            sigma.extend(_sigma(path, row[2], entry))
+            position = values[[1, 0, 2]] if system == _WGS84 else values
+            images.append(names[number], position, _sigma(path, row[2], entry), text=cameras[number])
             systems.add(system)
     if len(systems) > 1:
         raise Location(path).error(
             "Some priors are geographic, others Cartesian.", "Use the same system for all."
         )
     states = FileStatement(crs="local" if systems == {_CARTESIAN} else None, datum="WGS 84")
-    return exposures_of(
-        path,
-        image,
-        table_of(position, 3),
-        np.full((len(image), 3), np.nan),
-        range(1, len(image) + 1),
-        camera=camera,
-        sigma_position=table_of(sigma, 3),
-        states=states,
-    )
+    return images.exposures(path, states)
 
 
 def _sigma(path: Path, covariance: object, entry: int) -> Floats:

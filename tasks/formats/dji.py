@@ -63,7 +63,7 @@ def read_mrk_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         path,
         marks.image,
         position,
-        np.full_like(position, np.nan),
+        None,
         marks.line,
         time_s=marks.time_s.tolist(),
         sigma_position=np.where(known & (sigma > 0.0), sigma, np.nan).tolist(),

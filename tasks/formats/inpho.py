@@ -14,7 +14,6 @@ well-known text. What is not named here, and would count, is said with the orien
 from __future__ import annotations
 
 import re
-from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,15 +22,10 @@ import numpy as np
 
 from tasks.errors import Location
 from tasks.formats.crs_definition import WELL_KNOWN
-from tasks.formats.long_columns import LongPoints, table_of
+from tasks.formats.long_columns import LongPoints, LongRows
 from tasks.formats.named_entries import NotTaken, take_camera
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import (
-    control_of,
-    degrees_of_rotations,
-    exposures_of,
-    numbers_of,
-)
+from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import (
     AngleOrder,
     CameraRecord,
@@ -164,9 +158,7 @@ def read_inpho_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: no photos, numbers missing, a rotation that is none.
     """
-    image, camera, position, rotation, at = [], [], [], [], []
-    crs = None
-    rest = NotTaken()
+    photos, crs, rest = LongRows("position", "rotation"), None, NotTaken()
     for block in _blocks(path):
         rest.add(_not_taken(block))
         if block.name in _SYSTEMS:
@@ -177,25 +169,12 @@ def read_inpho_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         rows = [entry for entry in block.values["EXT_ORI"] if not re.match(r"\d+:\d+|\d+/", entry[1][0])]
         words = [word for _, row in rows for word in row]
         values = numbers_of(path, words, 13, block.line, "c, X0, Y0, Z0 and nine elements of a rotation")
-        image.append(block.name_of(path, "PHOTO_NUM", "ID", "PHOTO_FILE"))
-        camera.append(" ".join(block.words("CAMERA_ID")) or None)
-        position.append(values[1:4])
-        rotation.append(values[4:13])
-        at.append(block.line)
-    ground_from_camera = np.array(rotation).reshape(-1, 3, 3).transpose(0, 2, 1)
-    angles = degrees_of_rotations(path, ground_from_camera, image, at)
+        name = block.name_of(path, "PHOTO_NUM", "ID", "PHOTO_FILE")
+        camera = " ".join(block.words("CAMERA_ID")) or None
+        photos.append(name, values[1:4], values[4:], text=camera, line=block.line)
+    ground_from_camera = np.swapaxes(photos["rotation"], 1, 2)
     states = FileStatement(crs=crs, order="omega-phi-kappa")
-    return exposures_of(
-        path,
-        image,
-        position,
-        angles,
-        at,
-        camera=camera,
-        unit="deg",
-        states=states,
-        remarks=rest.remarks(path),
-    )
+    return photos.exposures(path, states, remarks=rest.remarks(path), rotation=ground_from_camera)
 
 
 def _not_taken(block: _Block) -> Iterator[str]:
@@ -260,10 +239,7 @@ def read_inpho_control(path: Path) -> ControlRecords:
     InputError
         With file and line: no points, numbers missing.
     """
-    point: list[str] = []
-    position, at = array("d"), array("q")
-    crs = None
-    rest = NotTaken()
+    points, crs, rest = LongRows("position"), None, NotTaken()
     for block in _blocks(path):
         if block.name in _SYSTEMS:
             crs = _well_known_text(block) or crs
@@ -271,17 +247,12 @@ def read_inpho_control(path: Path) -> ControlRecords:
             continue
         for one in block.inner:
             rest.add(f"${key}" for key in one.values if key not in ("ID", "POSITION"))
-            point.append(one.name_of(path, "ID"))
-            position.extend(one.numbers(path, "POSITION", 3, "X, Y, Z"))
-            at.append(one.line)
+            name = one.name_of(path, "ID")
+            points.append(name, one.numbers(path, "POSITION", 3, "X, Y, Z"), line=one.line)
         for number, words in block.values.get("", []):
-            point.append(words[0])
-            position.extend(numbers_of(path, words[1:], 3, number, "X, Y, Z"))
-            at.append(number)
+            points.append(words[0], numbers_of(path, words[1:], 3, number, "X, Y, Z"), line=number)
             rest.add(f"type {text}" for text in words[4:5])
-    return control_of(
-        path, point, table_of(position, 3), at, states=FileStatement(crs=crs), remarks=rest.remarks(path)
-    )
+    return points.control(path, FileStatement(crs=crs), rest.remarks(path))
 
 
 def read_inpho_cameras(path: Path) -> Mapping[str, CameraRecord]:

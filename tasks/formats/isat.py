@@ -7,16 +7,15 @@ and its values. Orientations are X, Y, Z, ω, φ, κ in metres and degrees; othe
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from tasks.errors import Location
-from tasks.formats.long_columns import table_of
+from tasks.formats.long_columns import LongRows
 from tasks.formats.named_entries import NotTaken, take_camera
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import control_of, exposures_of, number_of, numbers_of
+from tasks.formats.plain_records import number_of, numbers_of
 from tasks.formats.records import (
     AngleOrder,
     CameraRecord,
@@ -95,40 +94,23 @@ def read_isat_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: no photo, numbers missing.
     """
-    image, camera, strip, at = [], [], [], []
-    values, sigmas = array("d"), array("d")
-    rest = NotTaken()
+    rows, strip, rest = LongRows("position", "angles", "sigma_position", "sigma_angles"), [], NotTaken()
     for entry in _entries(path, "photo_parameters", rest):
         rest.add(key for key in entry.values if key not in _READ)
         title = entry.title
         if not title:
             raise Location(path, entry.line).error("The photo has no name.", "Give it a name.")
-        image.append(title[0])
         # The makers describe the word without "_", files have it with.
         strip.append(title[2] if len(title) > 2 and title[1].lower() in ("strip_id", "stripid") else None)
-        named = entry.values.get("camera_name", (0, []))[1]
-        camera.append(" ".join(named) or None)
-        values.extend(entry.numbers(path, "eo_parameters", 6, "X, Y, Z, ω, φ, κ"))
+        camera = " ".join(entry.values.get("camera_name", (0, []))[1]) or None
+        values = entry.numbers(path, "eo_parameters", 6, "X, Y, Z, ω, φ, κ")
         known = "computed_std_devs" in entry.values
-        sigma = entry.numbers(path, "computed_std_devs", 6, "six σ") if known else []
+        sigma = entry.numbers(path, "computed_std_devs", 6, "six σ") if known else 6 * [0.0]
         # A photo that was not adjusted has zeros there.
-        sigmas.extend([value if value > 0.0 else float("nan") for value in sigma] or [float("nan")] * 6)
-        at.append(entry.line)
-    table, known_to = table_of(values, 6), table_of(sigmas, 6)
-    return exposures_of(
-        path,
-        image,
-        table[:, :3],
-        table[:, 3:],
-        at,
-        camera=camera,
-        strip=strip,
-        sigma_position=known_to[:, :3],
-        sigma_angles=known_to[:, 3:],
-        unit="deg",
-        states=FileStatement(order="omega-phi-kappa"),
-        remarks=rest.remarks(path),
-    )
+        sigma = [value if value > 0.0 else float("nan") for value in sigma]
+        rows.append(title[0], values[:3], values[3:], sigma[:3], sigma[3:], text=camera, line=entry.line)
+    states = FileStatement(order="omega-phi-kappa")
+    return rows.exposures(path, states, strip=strip, unit="deg", remarks=rest.remarks(path))
 
 
 def read_isat_control(path: Path) -> ControlRecords:
@@ -139,16 +121,12 @@ def read_isat_control(path: Path) -> ControlRecords:
     InputError
         With file and line: no points, numbers missing.
     """
-    point: list[str] = []
-    position, at = array("d"), array("q")
-    rest = NotTaken()
+    points, rest = LongRows("position"), NotTaken()
     for entry in _entries(path, _POINTS):
         for number, words in entry.rows:
             rest.add(["fields behind X, Y, Z"] if words[4:] else [])
-            point.append(words[0])
-            position.extend(numbers_of(path, words[1:], 3, number, "X, Y, Z"))
-            at.append(number)
-    return control_of(path, point, table_of(position, 3), at, remarks=rest.remarks(path))
+            points.append(words[0], numbers_of(path, words[1:], 3, number, "X, Y, Z"), line=number)
+    return points.control(path, remarks=rest.remarks(path))
 
 
 def read_isat_cameras(path: Path) -> Mapping[str, CameraRecord]:

@@ -21,7 +21,6 @@ Coordinates and angles are of the CRS and the grid that the export was made in.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from array import array
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -31,13 +30,13 @@ import numpy as np
 from adjust.arrays import Floats
 from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
-from tasks.formats.long_columns import LongPoints, table_of
+from tasks.formats.long_columns import LongPoints, LongRows
 from tasks.formats.metashape_rigs import MetashapeRigs, transform_of
 from tasks.formats.named_entries import ImagesByName
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     CV_AXES,
-    control_of,
+    LOCAL,
     degrees_of_rotations,
     exposures_of,
     number_of,
@@ -85,25 +84,22 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     }
     of_chunk = _similarity(path, root.find(".//chunk/transform"))
     reference = (root.findtext(".//chunk/reference") or "").strip()
-    image, camera, to_earth = [], [], []
-    pose, at = array("d"), array("q")
+    rows, to_earth = LongRows("transform"), []
     for number, item in enumerate(root.iter("camera"), start=1):
         transform = item.findtext("transform")
         own = rigs.placed(item, number) if transform is None else transform_of(path, transform, number)
         if own is None or item.get("enabled") in ("false", "0") or "label" not in item.attrib:
             continue
-        pose.extend(own.ravel())
-        image.append(item.attrib["label"])
-        camera.append(sensors.get(item.get("sensor_id", "")))
+        camera = sensors.get(item.get("sensor_id", ""))
+        rows.append(item.attrib["label"], own.ravel(), text=camera, line=number)
         to_earth.append(placed.get(item.get("component_id"), of_chunk))
-        at.append(number)
-    matrix = table_of(pose, 16).reshape(-1, 4, 4)
+    image, matrix = rows.names, rows["transform"]
     scales = {1.0 if one is None else one[2] for one in to_earth}
     found = rigs.rigs(image, scales) if rigs.cameras else Rigs()
     # Its elements have been taken apart.
     root.clear()
     rotation, centre = matrix[:, :3, :3] @ CV_AXES, matrix[:, :3, 3]
-    states = FileStatement(crs="local", order="omega-phi-kappa")
+    states = LOCAL
     earthly = [one for one in to_earth if one is not None]
     if earthly:
         if len(earthly) < len(to_earth):
@@ -117,11 +113,13 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         centre = moved + np.array([one[1] for one in earthly])
         inside = not reference and np.linalg.norm(centre, axis=1).max() < _ON_EARTH
         if not (inside or reference.upper().startswith(_LOCAL)):
-            degrees_of_rotations(path, rotation, image, at)
+            degrees_of_rotations(path, rotation, image, rows.line)
             centre, rotation = geographic_poses(centre, rotation)
             states = GEOGRAPHIC
-    angles = degrees_of_rotations(path, rotation, image, at)
-    records = exposures_of(path, image, centre, angles, at, camera=camera, unit="deg", states=states)
+    angles = degrees_of_rotations(path, rotation, image, rows.line)
+    records = exposures_of(
+        path, image, centre, angles, rows.line, camera=rows.texts, unit="deg", states=states
+    )
     if not (found.heads or found.remarks):
         return records
     return with_rigs(records, found, max(scales) * matrix[:, :3, 3], matrix[:, :3, :3])
@@ -238,25 +236,23 @@ def read_metashape_markers(path: Path) -> ControlRecords:
     InputError
         If there are none, or numbers are missing.
     """
-    point, role = [], []
-    position, sigma, at = array("d"), array("d"), array("q")
+    points = LongRows("position", "sigma")
     for number, item in enumerate(parsed_xml(path).iter("marker"), start=1):
         reference = item.find("reference")
         if reference is None or "label" not in item.attrib or "x" not in reference.attrib:
             continue
         values = [number_of(path, reference.get(axis, ""), number, f"its {axis}") for axis in "xyz"]
-        point.append(item.attrib["label"])
-        position.extend(values)
+        sigma = []
         for keys in _ACCURACIES:
             stated = [
                 number_of(path, reference.attrib[key], number, key) for key in keys if key in reference.attrib
             ]
             sigma.append(stated[0] if stated else np.nan)
         # A marker that is switched off in the reference pane is a check point there.
-        role.append("check" if reference.get("enabled") in ("false", "0") else "control")
-        at.append(number)
+        role = "check" if reference.get("enabled") in ("false", "0") else "control"
+        points.append(item.attrib["label"], values, sigma, text=role, line=number)
         item.clear()
-    return control_of(path, point, table_of(position, 3), at, sigma=table_of(sigma, 3).tolist(), role=role)
+    return points.control(path)
 
 
 def read_metashape_measurements(path: Path) -> ImagePointRecords:
@@ -293,8 +289,6 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
 
 # Both are printed with six decimals and more.
 _SAME_DEG = 1e-3
-# Elements of rotations that are compared together.
-_TOGETHER = 9 * 10_000
 
 
 def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -305,40 +299,21 @@ def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: fields missing, angles that are not those of the rotation next to them.
     """
-    image: list[str] = []
-    values, at = array("d"), array("q")
-    rotations = array("d")
+    rows = LongRows("position", "angles", "rotation")
     for number, line in numbered_lines(path):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         fields = line.split("\t") if "\t" in line else line.split()
-        image.append(fields[0].strip())
         found = numbers_of(path, fields[1:], 15, number, "X, Y, Z, ω, φ, κ and nine elements")
-        values.extend(found[:6])
-        rotations.extend(found[6:])
-        at.append(number)
-        if len(rotations) == _TOGETHER:
-            _refuse_other_angles(path, rotations, values, image, at)
-            rotations = array("d")
-    _refuse_other_angles(path, rotations, values, image, at)
-    table = table_of(values, 6)
-    states = FileStatement(order="omega-phi-kappa")
-    return exposures_of(path, image, table[:, :3], table[:, 3:], at, unit="deg", states=states)
-
-
-def _refuse_other_angles(
-    path: Path, rotations: array[float], values: array[float], image: list[str], at: array[int]
-) -> None:
-    """Compare the last rows with the rotations beside them."""
-    count = len(rotations) // 9
-    first = len(image) - count
-    rotation = table_of(rotations, 9).reshape(-1, 3, 3).transpose(0, 2, 1)
-    angles = degrees_of_rotations(path, rotation, image[first:], at[first:])
-    stated = np.array(values[6 * first :]).reshape(-1, 6)[:, 3:]
-    away = np.abs((angles - stated + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
+        rows.append(fields[0].strip(), found[:3], found[3:6], found[6:], line=number)
+    angles = degrees_of_rotations(path, np.swapaxes(rows["rotation"], 1, 2), rows.names, rows.line)
+    away = np.abs((angles - rows["angles"] + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
     if (away > _SAME_DEG).any():
         row = int(np.argmax(away))
-        raise Location(path, at[first + row], image[first + row]).error(
+        raise Location(path, rows.line[row], rows.names[row]).error(
             f"Omega, phi, kappa differ by {away[row]:.3g}° from the rotation next to them.",
             "Export the orientations again, as OPK.",
         )
+    states = FileStatement(order="omega-phi-kappa")
+    names, at = rows.names, rows.line
+    return exposures_of(path, names, rows["position"], rows["angles"], at, unit="deg", states=states)

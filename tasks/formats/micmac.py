@@ -17,7 +17,6 @@ misses it by more than 0.1 px is refused.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from array import array
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
@@ -30,14 +29,13 @@ from adjust.camera.additional.register import additional_parameters
 from adjust.errors import AdditionalParametersError
 from tasks.errors import InputError, Location
 from tasks.formats.homologous_points import homologous_points
-from tasks.formats.long_columns import table_of
+from tasks.formats.long_columns import LongRows
 from tasks.formats.named_entries import take_camera
 from tasks.formats.packed_folder import PackedFolder, is_packed, packed_folder
 from tasks.formats.plain_records import (
     CV_AXES,
-    control_of,
+    LOCAL,
     image_points_of,
-    local_exposures_of,
     numbers_of,
 )
 from tasks.formats.records import (
@@ -70,21 +68,17 @@ def read_micmac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         If there are none, or one is not complete.
     """
     folder = packed_folder(path)
-    image = []
-    centre, rotation = array("d"), array("d")
+    images = LongRows("position", "rotation")
     for name in folder.members:
         file = PurePosixPath(name).name
         if not (file.startswith(_HEAD) and file.endswith(_TAIL)):
             continue
         outside = _element(path, _parsed(folder, name), "Externe", name)
         matrix = _element(path, outside, "CodageMatr", name)
-        image.append(file[len(_HEAD) : -len(_TAIL)])
-        centre.extend(_numbers(path, outside, "Centre", 3, name))
-        for row in ("L1", "L2", "L3"):
-            rotation.extend(_numbers(path, matrix, row, 3, name))
-    at = range(1, len(image) + 1)
-    turn = table_of(rotation, 9).reshape(-1, 3, 3) @ CV_AXES
-    return local_exposures_of(path, image, table_of(centre, 3), turn, at)
+        centre = _numbers(path, outside, "Centre", 3, name)
+        rotation = [value for row in ("L1", "L2", "L3") for value in _numbers(path, matrix, row, 3, name)]
+        images.append(file[len(_HEAD) : -len(_TAIL)], centre, rotation)
+    return images.exposures(path, LOCAL, rotation=images["rotation"] @ CV_AXES)
 
 
 def read_micmac_cameras(path: Path) -> Mapping[str, PixelCamera]:
@@ -146,19 +140,17 @@ def read_micmac_control(path: Path) -> ControlRecords:
     InputError
         If there are none, or one is not complete.
     """
-    point, position, sigma = [], [], []
+    points = LongRows("position", "sigma")
     for one in parsed_xml_content(path, read_bytes(path, "document")).iter("OneAppuisDAF"):
         name = (one.findtext("NamePt") or "").strip()
         place = np.array(_numbers(path, one, "Pt", 3, name))
         given = np.ones(3)
         if one.find("Incertitude") is not None:
             given = np.array(_numbers(path, one, "Incertitude", 3, name))
-        point.append(name)
-        position.append(np.where(given > 0.0, place, np.nan).tolist())
         # Their 1 1 1 is what the program writes where nothing was said.
         unsaid = bool((given == 1.0).all()) | (given <= 0.0)
-        sigma.append(np.where(unsaid, np.nan, given).tolist())
-    return control_of(path, point, position, list(range(1, len(point) + 1)), sigma=sigma)
+        points.append(name, np.where(given > 0.0, place, np.nan), np.where(unsaid, np.nan, given))
+    return points.control(path)
 
 
 def _camera(path: Path, element: ElementTree.Element, name: str) -> PixelCamera:

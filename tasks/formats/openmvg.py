@@ -11,7 +11,6 @@ Tangential terms t1, t2 are p1, p2.
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -19,11 +18,11 @@ import numpy as np
 
 from tasks.errors import Location
 from tasks.formats.json_value import JsonValue, json_value
-from tasks.formats.long_columns import LongPoints, table_of
+from tasks.formats.long_columns import LongPoints, LongRows
 from tasks.formats.named_entries import ImagesByName
 from tasks.formats.plain_records import (
     CV_AXES,
-    local_exposures_of,
+    LOCAL,
 )
 from tasks.formats.records import (
     AngleOrder,
@@ -54,26 +53,22 @@ def read_openmvg_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     file = _opened(path)
     # The value itself: with its place it would take more memory than its file.
     poses = {one["key"].whole(): one["value"].value for one in file["extrinsics"].each()}
-    image, camera = [], []
-    centre, rotation, at = array("d"), array("d"), array("q")
+    images = LongRows("position", "rotation")
     for number, view in enumerate(_views(file), start=1):
         found = poses.get(view["id_pose"].whole())
         if found is None:
             continue
         pose = JsonValue(path, f"pose {view['id_pose'].whole()}", found)
-        image.append(view["filename"].text())
-        camera.append(str(view["id_intrinsic"].whole()))
-        centre.extend(pose["center"].numbers(3))
         rows = pose["rotation"].items()
         if len(rows) != 3:
             raise Location(path, entity=pose.where).error(
                 "The rotation does not have three rows.", "Deliver it again."
             )
-        for row in rows:
-            rotation.extend(row.numbers(3))
-        at.append(number)
-    world_from_camera = np.swapaxes(table_of(rotation, 9).reshape(-1, 3, 3), 1, 2)
-    return local_exposures_of(path, image, table_of(centre, 3), world_from_camera @ CV_AXES, at, camera)
+        rotation = [value for row in rows for value in row.numbers(3)]
+        name, camera = view["filename"].text(), str(view["id_intrinsic"].whole())
+        images.append(name, pose["center"].numbers(3), rotation, text=camera, line=number)
+    world_from_camera = np.swapaxes(images["rotation"], 1, 2)
+    return images.exposures(path, LOCAL, rotation=world_from_camera @ CV_AXES)
 
 
 def read_openmvg_cameras(path: Path) -> Mapping[str, PixelCamera]:

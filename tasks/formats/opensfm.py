@@ -27,11 +27,12 @@ from adjust.geometry.rotation import exp
 from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_poses
 from tasks.formats.json_value import JsonValue, json_value
-from tasks.formats.long_columns import LongPoints, table_of
+from tasks.formats.long_columns import LongPoints, LongRows, table_of
 from tasks.formats.opensfm_rigs import opensfm_rigs
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     CV_AXES,
+    LOCAL,
     control_of,
     degrees_of_rotations,
     exposures_of,
@@ -79,8 +80,7 @@ def read_opensfm_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
             centre[piece], rotation = geographic_poses(*poses)
         angles[piece] = degrees_of_rotations(path, rotation, image[piece], at[piece])
     # Altitudes are whatever the images came with.
-    on_earth, local = replace(GEOGRAPHIC, heights=None), FileStatement(crs="local", order="omega-phi-kappa")
-    states = on_earth if shots.reference else local
+    states = replace(GEOGRAPHIC, heights=None) if shots.reference else LOCAL
     records = exposures_of(path, image, centre, angles, at, camera=shots.camera, unit="deg", states=states)
     if not (shots.rigs.heads or shots.rigs.remarks):
         return records
@@ -253,26 +253,15 @@ def read_odm_geo(path: Path, _order: AngleOrder) -> ExposureRecords:
         With file and line: fields missing.
     """
     crs, rows = _with_crs(path)
-    image: list[str] = []
-    position, sigma, at = array("d"), array("d"), array("q")
+    images = LongRows("position", "sigma_position")
     for number, line in rows:
         fields = line.split()
-        image.append(fields[0])
-        position.extend(numbers_of(path, fields[1:], 3, number, "image, x, y, z"))
+        position = numbers_of(path, fields[1:], 3, number, "image, x, y, z")
         plan, height = np.nan, np.nan
         if len(fields) >= _WITH_ACCURACIES:
             plan, height = numbers_of(path, fields[7:], 2, number, "accuracies in plan and height")
-        sigma.extend((plan, plan, height))
-        at.append(number)
-    return exposures_of(
-        path,
-        image,
-        table_of(position, 3),
-        np.full((len(image), 3), np.nan),
-        at,
-        sigma_position=table_of(sigma, 3),
-        states=FileStatement(crs=crs),
-    )
+        images.append(fields[0], position, (plan, plan, height), line=number)
+    return images.exposures(path, FileStatement(crs=crs))
 
 
 def _with_crs(path: Path) -> tuple[str, Iterator[tuple[int, str]]]:

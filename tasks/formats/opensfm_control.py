@@ -10,8 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tasks.formats.json_value import JsonValue, json_value
-from tasks.formats.long_columns import LongPoints
-from tasks.formats.plain_records import control_of
+from tasks.formats.long_columns import LongPoints, LongRows
 from tasks.formats.records import ControlRecords, FileStatement, ImagePointRecords
 from tasks.formats.text_table import read_bytes
 
@@ -26,15 +25,14 @@ def read_opensfm_control(path: Path) -> ControlRecords:
     InputError
         If the file is another one, or a number is missing.
     """
-    point, position, at = [], [], []
+    points = LongRows("position")
     for number, one in enumerate(_points(path), start=1):
         if one.has("position"):
             place = one["position"]
             height = place["altitude"].number() if place.has("altitude") else float("nan")
-            point.append(one["id"].text())
-            position.append([place["longitude"].number(), place["latitude"].number(), height])
-            at.append(number)
-    return control_of(path, point, position, at, states=FileStatement(crs=_WGS84))
+            position = (place["longitude"].number(), place["latitude"].number(), height)
+            points.append(one["id"].text(), position, line=number)
+    return points.control(path, FileStatement(crs=_WGS84))
 
 
 def read_opensfm_measurements(path: Path) -> ImagePointRecords:

@@ -16,24 +16,22 @@ not in the file. Captures of several calibrated cameras are events of a rig (``o
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.json_value import JsonValue
-from tasks.formats.long_columns import LongPoints, table_of
+from tasks.formats.long_columns import LongPoints, LongRows
 from tasks.formats.opf_captures import captures_of, opf_rigs, projected_captures_of
 from tasks.formats.opf_project import OpfProject, canonical_shift, crs_of, east_north, name_of, named
 from tasks.formats.plain_records import (
     CV_AXES,
-    control_of,
     degrees_of_rotations,
     distances_of,
-    exposures_of,
     pieces_of,
 )
 from tasks.formats.records import (
@@ -69,31 +67,25 @@ def read_opf_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
         if projected is None:
             return captures_of(path, project, names, sensors)
         return projected_captures_of(path, project, projected, names, sensors)
-    image, camera = [], []
-    position, angles = array("d"), array("d")
+    rows = LongRows("position", "angles")
     for one in calibrated["cameras"].taken():
-        image.append(named(one["id"], names))
-        camera.append(named(one["sensor_id"], sensors))
-        position.extend(one["position"].numbers(3))
-        angles.extend(one["orientation_deg"].numbers(3))
+        name, camera = named(one["id"], names), named(one["sensor_id"], sensors)
+        rows.append(name, one["position"].numbers(3), one["orientation_deg"].numbers(3), text=camera)
     scene = project.one("scene_reference_frame", "scene-reference-frame")
     shift = canonical_shift(scene)
     rigs = opf_rigs(path, project, calibrated, names, sensors)
     del calibrated
-    at = range(1, len(image) + 1)
     crs = crs_of(scene["crs"])
     local = crs.is_engineering
     states = FileStatement(crs="local" if local else crs.to_wkt(), order="omega-phi-kappa")
     # Angles as they are derived from a rotation: ω and κ within half a turn.
-    degrees, stated = np.empty((len(image), 3)), table_of(angles, 3)
-    for piece in pieces_of(len(image)):
+    degrees, stated = np.empty_like(rows["angles"]), rows["angles"]
+    for piece in pieces_of(len(degrees)):
         turn = from_omega_phi_kappa(np.radians(stated[piece]))
-        degrees[piece] = degrees_of_rotations(path, turn, image[piece], at[piece])
+        degrees[piece] = degrees_of_rotations(path, turn, rows.names[piece], rows.line[piece])
     remarks = (*(() if local else (_IN_MAP,)), *_gps_bias(project))
-    centre = table_of(position, 3) - shift
-    records = exposures_of(
-        path, image, centre, degrees, at, camera=camera, unit="deg", states=states, remarks=remarks
-    )
+    centre = rows["position"] - shift
+    records = rows.exposures(path, states, unit="deg", remarks=remarks, position=centre, angles=degrees)
     if not (rigs.heads or rigs.remarks):
         return records
     return with_rigs(records, rigs, centre, from_omega_phi_kappa(np.radians(stated)) @ CV_AXES)
@@ -151,24 +143,22 @@ def read_opf_control(path: Path) -> ControlRecords:
     """
     points = OpfProject(path).optional("input_control_points", "input-control-points")
     gcps = points["gcps"].items() if points is not None and points.has("gcps") else []
-    point, position, sigma, role = [], [], [], []
-    definitions = {}
+    rows, definitions = LongRows("position", "sigma"), {}
     for one in gcps:
         place = one["geolocation"]
         definitions[place["crs"]["definition"].text()] = place["crs"]
-        point.append(one["id"].text())
-        position.append(place["coordinates"].numbers(3))
-        sigma.append([abs(value) or float("nan") for value in place["sigmas"].numbers(3)])
-        role.append("check" if one.has("is_checkpoint") and one["is_checkpoint"].value is True else "control")
+        sigma = [abs(value) or float("nan") for value in place["sigmas"].numbers(3)]
+        is_check = one.has("is_checkpoint") and one["is_checkpoint"].value is True
+        role = "check" if is_check else "control"
+        rows.append(one["id"].text(), place["coordinates"].numbers(3), sigma, text=role)
     if len(definitions) > 1:
         raise Location(path).error("Control points are in several CRSs.", "Export them in one.")
-    at, crs = list(range(1, len(point) + 1)), None
-    values, sigmas = np.array(position).reshape(-1, 3), np.array(sigma).reshape(-1, 3)
-    for stated in definitions.values():
-        crs = crs_of(stated)
-        values, sigmas = east_north(crs, values), east_north(crs, sigmas)
-    states = FileStatement(crs=None if crs is None else "local" if crs.is_engineering else crs.to_wkt())
-    return control_of(path, point, values, at, role=role, sigma=sigmas.tolist(), states=states)
+    if not definitions:
+        return rows.control(path)
+    crs = crs_of(next(iter(definitions.values())))
+    states = FileStatement(crs="local" if crs.is_engineering else crs.to_wkt())
+    parts: dict[str, Any] = {part: east_north(crs, rows[part]) for part in ("position", "sigma")}
+    return rows.control(path, states, **parts)
 
 
 def read_opf_distances(path: Path) -> DistanceRecords:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from adjust.arrays import Floats
 from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.json_value import JsonValue
+from tasks.formats.long_columns import LongRows
 from tasks.formats.opf_project import OpfProject, canonical_shift, crs_of, east_north, name_of, named
-from tasks.formats.plain_records import exposures_of
 from tasks.formats.records import ExposureRecords, FileStatement
 from tasks.formats.rigs import GivenEvent, GivenHead, Rigs, rigs_of
 
@@ -23,20 +24,19 @@ def captures_of(
     path: Path, project: OpfProject, names: Mapping[int, str], sensors: Mapping[int, str]
 ) -> ExposureRecords:
     """Positions of captures of one camera, and ω, φ, κ where they are given."""
-    image, camera, position, angles, sigma, definitions = [], [], [], [], [], {}
+    rows, definitions = LongRows("position", "sigma_position", "angles"), {}
     nothing = [float("nan")] * 3
     for capture in project.one("input_cameras", "input-cameras")["captures"].items():
         if not capture.has("geolocation") or len(capture["cameras"].items()) != 1:
             continue
         place, one = capture["geolocation"], capture["cameras"].items()[0]
         definitions[place["crs"]["definition"].text()] = place["crs"]
-        image.append(named(one["id"], names))
-        camera.append(named(one["sensor_id"], sensors))
-        position.append(place["coordinates"].numbers(3))
-        sigma.append(place["sigmas"].numbers(3))
+        name, camera = named(one["id"], names), named(one["sensor_id"], sensors)
+        position, sigma = place["coordinates"].numbers(3), place["sigmas"].numbers(3)
         turn = capture["orientation"] if capture.has("orientation") else None
         is_opk = turn is not None and turn["type"].text() == "omega_phi_kappa"
-        angles.append(turn["angles_deg"].numbers(3) if turn is not None and is_opk else nothing)
+        angles = turn["angles_deg"].numbers(3) if turn is not None and is_opk else nothing
+        rows.append(name, position, sigma, angles, text=camera)
     if len(definitions) != 1:
         raise Location(path).error(
             f"No camera is calibrated, but the captures are in {len(definitions)} CRSs.",
@@ -44,18 +44,8 @@ def captures_of(
         )
     crs = crs_of(next(iter(definitions.values())))
     states = FileStatement(crs="local" if crs.is_engineering else crs.to_wkt(), order="omega-phi-kappa")
-    return exposures_of(
-        path,
-        image,
-        east_north(crs, np.array(position)),
-        angles,
-        list(range(1, len(image) + 1)),
-        camera=camera,
-        sigma_position=east_north(crs, np.array(sigma)).tolist(),
-        unit="deg",
-        states=states,
-        remarks=(_GIVEN,),
-    )
+    parts: dict[str, Any] = {part: east_north(crs, rows[part]) for part in ("position", "sigma_position")}
+    return rows.exposures(path, states, unit="deg", remarks=(_GIVEN,), **parts)
 
 
 def projected_captures_of(
@@ -70,40 +60,26 @@ def projected_captures_of(
     crs, shift = crs_of(scene["crs"]), canonical_shift(scene)
     captures = project.one("input_cameras", "input-cameras")["captures"].items()
     given = {one["id"].whole(): one["cameras"].items() for one in captures}
-    image, camera, values = [], [], []
+    rows = LongRows("position", "sigma_position", "angles", "sigma_angles")
     for capture in projected["captures"].items():
         cameras = given.get(capture["id"].whole(), [])
         if len(cameras) == 1:
-            image.append(named(cameras[0]["id"], names))
-            camera.append(named(cameras[0]["sensor_id"], sensors))
-            values.append(
-                [
-                    *_numbers(capture, "geolocation", "position"),
-                    *_numbers(capture, "geolocation", "sigmas"),
-                    *_numbers(capture, "orientation", "angles_deg"),
-                    *_numbers(capture, "orientation", "sigmas_deg"),
-                ]
+            rows.append(
+                named(cameras[0]["id"], names),
+                _numbers(capture, "geolocation", "position"),
+                _numbers(capture, "geolocation", "sigmas"),
+                _numbers(capture, "orientation", "angles_deg"),
+                _numbers(capture, "orientation", "sigmas_deg"),
+                text=named(cameras[0]["sensor_id"], sensors),
             )
-    position, sigma, angles, sigma_angles = np.hsplit(np.array(values).reshape(-1, 12), 4)
     local = crs.is_engineering
     states = FileStatement(
         crs="local" if local else crs.to_wkt(),
         order="omega-phi-kappa",
         reference="local" if local else "grid",
     )
-    return exposures_of(
-        path,
-        image,
-        position - shift,
-        angles,
-        list(range(1, len(image) + 1)),
-        camera=camera,
-        sigma_position=sigma,
-        sigma_angles=sigma_angles,
-        unit="deg",
-        states=states,
-        remarks=(_GIVEN,),
-    )
+    centre = rows["position"] - shift
+    return rows.exposures(path, states, unit="deg", remarks=(_GIVEN,), position=centre)
 
 
 def _numbers(capture: JsonValue, kind: str, key: str) -> list[float]:

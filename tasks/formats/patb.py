@@ -19,9 +19,9 @@ import numpy as np
 
 from adjust.arrays import Floats
 from tasks.errors import Location
-from tasks.formats.long_columns import table_of
+from tasks.formats.long_columns import LongRows, table_of
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import control_of, degrees_of_rotations, exposures_of, numbers_of
+from tasks.formats.plain_records import control_of, numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, FileStatement
 
 _WIDTH = 16
@@ -39,19 +39,13 @@ def read_patb_orientations(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: records that are cut off, or nine numbers that are no rotation.
     """
-    image: list[str] = []
-    position, rotation, at = array("d"), array("d"), array("q")
+    rows = LongRows("position", "rotation")
     for (number, first), (number_2, second), (number_3, third) in _by_threes(path):
         name, coordinates = _station(path, first, number)
         elements = numbers_of(path, _fields(second, 5), 5, number_2, "five elements of a rotation")
         elements += numbers_of(path, _fields(third, 4), 4, number_3, "four elements of a rotation")
-        image.append(name)
-        position.extend(coordinates)
-        rotation.extend(elements)
-        at.append(number)
-    angles = degrees_of_rotations(path, table_of(rotation, 9), image, at)
-    states = FileStatement(order="omega-phi-kappa")
-    return exposures_of(path, image, table_of(position, 3), angles, at, unit="deg", states=states)
+        rows.append(name, coordinates, elements, line=number)
+    return rows.exposures(path, FileStatement(order="omega-phi-kappa"))
 
 
 def _by_threes(path: Path) -> Iterator[list[tuple[int, str]]]:

@@ -11,15 +11,14 @@ The folder's ``…_tp_bingo.txt`` is read as ``bingo`` (mm, from the middle of t
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 
 from tasks.errors import Location
-from tasks.formats.long_columns import table_of
+from tasks.formats.long_columns import LongRows
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import exposures_of, numbers_of
+from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, PixelCamera
 
 _CAMERA_HEAD = "fileName imageWidth imageHeight"
@@ -44,17 +43,14 @@ def read_pix4d_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
             "The first line is not 'imageName X Y Z Omega Phi Kappa'.",
             "Check that this is …_calibrated_external_camera_parameters.txt.",
         )
-    image: list[str] = []
-    values, at = array("d"), array("q")
+    images = LongRows("position", "angles")
     for number, line in rows:
         fields = line.rsplit(maxsplit=6)
         if not fields:
             continue
-        values.extend(numbers_of(path, fields[1:], 6, number, "X, Y, Z, ω, φ, κ"))
-        image.append(fields[0].strip())
-        at.append(number)
-    table, states = table_of(values, 6), FileStatement(order="omega-phi-kappa")
-    return exposures_of(path, image, table[:, :3], table[:, 3:], at, unit="deg", states=states)
+        values = numbers_of(path, fields[1:], 6, number, "X, Y, Z, ω, φ, κ")
+        images.append(fields[0].strip(), values[:3], values[3:], line=number)
+    return images.exposures(path, FileStatement(order="omega-phi-kappa"), unit="deg")
 
 
 def read_pix4d_cameras(path: Path) -> Mapping[str, PixelCamera]:

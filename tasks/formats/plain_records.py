@@ -31,13 +31,14 @@ _TOGETHER = 20_000
 _REMEDY = "Give a name of ordinary characters, 255 at most."
 #: From camera axes x right, y down, z forward of computer vision to ours, x right, y up, z back, and back.
 CV_AXES = np.diag([1.0, -1.0, -1.0])
+LOCAL = FileStatement(crs="local", order="omega-phi-kappa")
 
 
 def exposures_of(
     path: Path,
     image: Sequence[str],
     position: Sequence[Sequence[float]] | Floats,
-    angles: Sequence[Sequence[float]] | Floats,
+    angles: Sequence[Sequence[float]] | Floats | None,
     line: Sequence[int],
     *,
     camera: Sequence[str | None] | None = None,
@@ -50,7 +51,7 @@ def exposures_of(
     remarks: tuple[str, ...] = (),
     solution: Sequence[str | None] | None = None,
 ) -> ExposureRecords:
-    """Exposures; positions and angles (n, 3), NaN where an image has none.
+    """Exposures; positions and angles (n, 3), NaN where an image has none; angles None: no image has any.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def exposures_of(
         flight=pa.nulls(count, pa.string()),
         time_s=nothing[:, 0] if time_s is None else _numbers(path, time_s, image, line),
         position=_numbers(path, position, image, line),
-        angles=_numbers(path, angles, image, line),
+        angles=nothing if angles is None else _numbers(path, angles, image, line),
         sigma_position=nothing if sigma_position is None else _numbers(path, sigma_position, image, line),
         sigma_angles=nothing if sigma_angles is None else _numbers(path, sigma_angles, image, line),
         line=np.asarray(line, dtype=np.int64),
@@ -78,26 +79,6 @@ def exposures_of(
         remarks=remarks,
         solution=None if solution is None else pa.array(solution, pa.string()),
     )
-
-
-def local_exposures_of(
-    path: Path,
-    image: Sequence[str],
-    centre: Floats,
-    rotation: Floats,
-    line: Sequence[int],
-    camera: Sequence[str | None] | None = None,
-) -> ExposureRecords:
-    """Exposures in a Cartesian frame: positions (n, 3), rotations ground from camera (n, 3, 3).
-
-    Raises
-    ------
-    InputError
-        As of `exposures_of` and `degrees_of_rotations`.
-    """
-    angles = degrees_of_rotations(path, rotation, image, line)
-    states = FileStatement(crs="local", order="omega-phi-kappa")
-    return exposures_of(path, image, centre, angles, line, camera=camera, unit="deg", states=states)
 
 
 def image_points_of(
@@ -144,7 +125,7 @@ def control_of(
     line: Sequence[int],
     *,
     role: Sequence[str | None] | None = None,
-    sigma: Sequence[Sequence[float]] | None = None,
+    sigma: Sequence[Sequence[float]] | Floats | None = None,
     states: FileStatement | None = None,
     remarks: tuple[str, ...] = (),
 ) -> ControlRecords:

@@ -11,16 +11,15 @@ from __future__ import annotations
 
 import csv
 import re
-from array import array
 from pathlib import Path
 
 import numpy as np
 
 from adjust.geometry.rotation import about_x, about_y, about_z
 from tasks.errors import Location
-from tasks.formats.long_columns import table_of
+from tasks.formats.long_columns import LongRows
 from tasks.formats.plain_lines import numbered_lines
-from tasks.formats.plain_records import degrees_of_rotations, exposures_of, numbers_of, pieces_of
+from tasks.formats.plain_records import degrees_of_rotations, numbers_of, pieces_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 
 _COUNT = re.compile(r"#cameras\s+(\d{1,9})\s*", re.ASCII)
@@ -50,8 +49,7 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
             "It must be '#name,x,y,alt,heading,pitch,roll', possibly with more columns.",
         )
     places = [head.index(name) for name in _NEEDED]
-    image: list[str] = []
-    values, at = array("d"), array("q")
+    images = LongRows("position", "angles")
     for number, line in rows:
         if not line.strip():
             continue
@@ -61,21 +59,17 @@ def read_realityscan_exposures(path: Path, _order: AngleOrder) -> ExposureRecord
                 f"This line has {len(fields)} fields, but the headings are {len(head)}.",
                 "The file may have been cut off: deliver it again.",
             )
-        image.append(fields[places[0]].strip())
-        values.extend(
-            numbers_of(path, [fields[place] for place in places[1:]], 6, number, ", ".join(_NEEDED[1:]))
-        )
-        at.append(number)
-    if count is not None and int(count[1]) != len(image):
+        named = [fields[place] for place in places[1:]]
+        values = numbers_of(path, named, 6, number, ", ".join(_NEEDED[1:]))
+        images.append(fields[places[0]].strip(), values[:3], values[3:], line=number)
+    if count is not None and int(count[1]) != len(images.names):
         raise Location(path, 1).error(
-            f"The file has {len(image):,} images, but its first line counts {int(count[1]):,}.",
+            f"The file has {len(images.names):,} images, but its first line counts {int(count[1]):,}.",
             "The file may have been cut off: deliver it again.",
         )
-    table = table_of(values, 6)
-    angles = np.empty((len(table), 3))
-    for piece in pieces_of(len(table)):
-        heading, pitch, roll = np.radians(table[piece, 3:]).T
+    angles = np.empty_like(images["angles"])
+    for piece in pieces_of(len(angles)):
+        heading, pitch, roll = np.radians(images["angles"][piece]).T
         turn = about_z(-heading) @ about_x(pitch) @ about_y(roll)
-        angles[piece] = degrees_of_rotations(path, turn, image[piece], at[piece])
-    states = FileStatement(order="omega-phi-kappa")
-    return exposures_of(path, image, table[:, :3], angles, at, unit="deg", states=states)
+        angles[piece] = degrees_of_rotations(path, turn, images.names[piece], images.line[piece])
+    return images.exposures(path, FileStatement(order="omega-phi-kappa"), unit="deg", angles=angles)

@@ -25,9 +25,9 @@ from adjust.geometry.rotation import from_omega_phi_kappa
 from tasks.errors import Location
 from tasks.formats.crs_definition import known_crs
 from tasks.formats.json_value import JsonValue, json_value
+from tasks.formats.long_columns import LongRows
 from tasks.formats.named_entries import file_of_uri
 from tasks.formats.packed_folder import is_packed, packed_folder
-from tasks.formats.plain_records import degrees_of_rotations, exposures_of
 from tasks.formats.records import AngleOrder, CameraRecord, ExposureRecords, FileStatement
 from tasks.formats.text_table import read_bytes
 from tasks.magnitude import MOST_PIXELS
@@ -46,30 +46,25 @@ def read_stac_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         If there is no such item, coordinates are missing or in several CRSs, or matrix and angles differ.
     """
-    image, camera, position, rotations, crs, heights = [], [], [], [], set(), set()
+    rows, crs, heights = LongRows("position", "rotation"), set(), set()
     for item in _of_type(path, "Feature"):
         said = item["properties"]
         if not said.has("pers:perspective_center"):
             continue
-        image.append(_image(item))
-        camera.append(said[_CAMERA]["camera_id"].text() if _has_camera_id(said) else None)
-        position.append(said["pers:perspective_center"].numbers(3))
-        rotations.append(_rotation(said))
+        camera = said[_CAMERA]["camera_id"].text() if _has_camera_id(said) else None
+        position = said["pers:perspective_center"].numbers(3)
+        rows.append(_image(item), position, _rotation(said).ravel(), text=camera)
         crs.add(_crs(said))
         heights |= {str(said["pers:vertical_crs"].value)} if said.has("pers:vertical_crs") else set()
     if len(crs) > 1:
         raise Location(path).error("The items are in several CRSs.", "Deliver each of them separately.")
-    at = list(range(1, len(image) + 1))
-    angles = degrees_of_rotations(path, np.array(rotations).reshape(-1, 3, 3), image, at)
     states = FileStatement(
         crs=next(iter(crs), None), order="omega-phi-kappa", reference="grid", position="projection_centre"
     )
     remarks = tuple(
         f"Its heights are of the vertical CRS {one}: declare `heights`." for one in sorted(heights)
     )
-    return exposures_of(
-        path, image, position, angles, at, camera=camera, unit="deg", states=states, remarks=remarks
-    )
+    return rows.exposures(path, states, remarks=remarks)
 
 
 def read_stac_cameras(path: Path) -> Mapping[str, CameraRecord]:
