@@ -5,23 +5,27 @@ Control of the calibration says how well it fits. Only independent check points 
 
 from __future__ import annotations
 
-import numpy as np
 import pandas as pd
 
 from tasks.accuracy.check_points import check_point_differences
 from tasks.accuracy.statement import AccuracyClass, statements
 from tasks.document_kit.row_table import number_of, numbers_of, table_of, text_of
-from tasks.document_kit.table import Cell, Row, Table, components, numbers, text_column
+from tasks.document_kit.table import Row, Table, text_column
 from tasks.documents.certificate.content import Block, Listing, Section, Sentences, Words, beside
 from tasks.documents.certificate.material import CertificateMaterial
 from tasks.documents.georeferencing import check_tables
 from tasks.documents.georeferencing.verdict import verdict
 from tasks.documents.report.material import Material
-from tasks.documents.report.surveyed_differences import AXES
+from tasks.documents.report.surveyed_differences import (
+    AXES,
+    HEADINGS,
+    STATISTICS_COLUMNS,
+    difference_statistics,
+    known_differences,
+)
 from tasks.georeferencing.point_differences import INDEPENDENT
 
 MOST_POINTS = 200
-_HEADINGS = ("east", "north", "up")
 
 _OF_CONTROL = (
     "control",
@@ -63,33 +67,10 @@ def _listed(table: pd.DataFrame, name: str, caption: str, note: str) -> Listing 
 
 def difference_table(name: str, caption: str, table: pd.DataFrame, note: str) -> Table:
     """RMS, mean and largest difference in metres and in GSD."""
-    rows = []
-    for key, words, plus in (
-        ("rms", "RMS", False),
-        ("mean", "mean", True),
-        ("largest", "largest |d|", False),
-    ):
-        metres = [_figure(key, table[f"{axis}_m"]) for axis in AXES]
-        in_gsd = [_figure(key, table[f"{axis}_gsd"]) for axis in AXES]
-        cells: tuple[Cell, ...] = (words, *numbers(metres, 3, plus=plus), *numbers(in_gsd, 2, plus=plus))
-        rows.append(Row(key, cells))
-    counts = numbers((float(table[f"{axis}_m"].notna().sum()) for axis in AXES), 0)
-    rows.append(Row("points", ("points", *counts, "", "", "")))
-    columns = (
-        text_column("figure", ""),
-        *components("{}_m", _HEADINGS, "m", AXES),
-        *components("{}_gsd", _HEADINGS, "GSD", AXES),
-    )
+    rows = [Row(key, (words, *cells)) for key, words, cells in difference_statistics(table)]
+    rows.append(Row("points", ("points", *known_differences(table), "", "", "")))
+    columns = (text_column("figure", ""), *STATISTICS_COLUMNS)
     return Table(f"{name}-differences", caption, columns, tuple(rows), note)
-
-
-def _figure(key: str, values: pd.Series) -> float | None:
-    known = values.dropna().to_numpy(np.float64)
-    if len(known) == 0:
-        return None
-    if key == "rms":
-        return float(np.sqrt(np.mean(known**2)))
-    return float(np.mean(known) if key == "mean" else np.max(np.abs(known)))
 
 
 def _statements(results: Material, check: pd.DataFrame) -> tuple[str, ...]:
@@ -146,8 +127,8 @@ def point_table(name: str, caption: str, table: pd.DataFrame) -> Table:
     note = "" if len(listed) == len(table) else f"The first {len(listed)} of {len(table):,} by name."
     shown = (
         text_of("point", "point"),
-        *numbers_of("{}_m", [f"d {h}" for h in _HEADINGS], "m", AXES, 3, plus=True),
-        *numbers_of("sigma_{}_m", [f"σ {h}" for h in _HEADINGS], "m", AXES, 3),
+        *numbers_of("{}_m", [f"d {h}" for h in HEADINGS], "m", AXES, 3, plus=True),
+        *numbers_of("sigma_{}_m", [f"σ {h}" for h in HEADINGS], "m", AXES, 3),
         number_of("rays", "rays"),
     )
     return table_of(name, caption, shown, listed, "{point}", note)

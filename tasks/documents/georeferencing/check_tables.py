@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tasks.document_kit.row_table import number_of, numbers_of, omitted, table_of, text_of
+from tasks.document_kit.row_table import number_of, omitted, table_of, text_of
 from tasks.document_kit.table import (
     Column,
     Row,
@@ -16,12 +16,13 @@ from tasks.document_kit.table import (
 )
 from tasks.documents.georeferencing.check_figures import DifferenceFigures, Triple
 from tasks.documents.georeferencing.material import CheckMaterial
+from tasks.documents.report.surveyed_differences import HEADINGS, with_ratios
+from tasks.documents.report.surveyed_points import DIFFERENCES, POINT
 from tasks.georeferencing.difference_statistics import CONFIDENCE, PARTS
 from tasks.georeferencing.point_differences import INDEPENDENT
 from tasks.quantities import quantity_words
 
 _AXES = ("x", "y", "z")
-_HEADINGS = ("east", "north", "up")
 _PERCENT = f"{100 * CONFIDENCE:g} %"
 MOST_ROWS = 50
 
@@ -67,7 +68,7 @@ def difference_tables(material: CheckMaterial) -> tuple[Table, ...]:
 
 
 def _difference_table(name: str, caption: str, figures: DifferenceFigures) -> Table:
-    columns = (text_column("figure", "figure"), *components("{}", _HEADINGS, "", _AXES))
+    columns = (text_column("figure", "figure"), *components("{}", HEADINGS, "", _AXES))
     rows = []
     for key, words, decimals, plus in _FIGURES:
         values: Triple = getattr(figures, key)
@@ -80,8 +81,8 @@ def source_table(material: CheckMaterial) -> Table:
     """The effect of each kind of error alone, at the independent points and in their models."""
     columns = (
         text_column("source", "source"),
-        *components("{}_m", [f"all rays, {h}" for h in _HEADINGS], "m", _AXES),
-        *components("model_{}_m", [f"in models, {h}" for h in _HEADINGS], "m", _AXES),
+        *components("{}_m", [f"all rays, {h}" for h in HEADINGS], "m", _AXES),
+        *components("model_{}_m", [f"in models, {h}" for h in HEADINGS], "m", _AXES),
     )
     none: Triple = (None, None, None)
     figures, models = material.figures, material.figures.in_models
@@ -105,22 +106,13 @@ def source_table(material: CheckMaterial) -> Table:
 
 def point_table(material: CheckMaterial) -> Table:
     """One row for each surveyed point, the largest |d|/σ first."""
-    table = material.points.copy()
-    for axis in _AXES:
-        d, sigma = (table[name].to_numpy(np.float64) for name in (f"d{axis}_m", f"sigma_d{axis}_m"))
-        table[f"d{axis}_gsd"] = d / table["gsd_m"].to_numpy(np.float64)
-        table[f"d{axis}_ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
-    table["largest"] = table[[f"d{axis}_ratio" for axis in _AXES]].max(axis=1)
+    table = with_ratios(material.points, material.points["gsd_m"].to_numpy(np.float64), is_check=True)
     table = table.sort_values("largest", ascending=False, kind="stable")
     listed = table.head(MOST_ROWS)
     shown = (
-        text_of("point", "point"),
+        POINT,
         text_of("status", "was", lambda row: "check" if row["status"] == INDEPENDENT else "control"),
-        *numbers_of("d{}_m", [f"d {h}" for h in _HEADINGS], "m", _AXES, 3, plus=True),
-        *numbers_of("sigma_d{}_m", [f"σ {h}" for h in _HEADINGS], "m", _AXES, 3),
-        *numbers_of("d{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", _AXES, 2, plus=True),
-        *numbers_of("d{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", _AXES, 1),
-        number_of("rays", "rays"),
+        *DIFFERENCES,
     )
     note = omitted(listed, table, "direct_georeferencing.parquet", largest=True)
     return table_of("points", "Surveyed points, the largest |d|/σ first", shown, listed, "{point}", note)

@@ -2,36 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-import pandas as pd
-
-from adjust.arrays import Floats
 from tasks.document_kit.row_table import number_of, numbers_of, omitted, table_of, text_of
-from tasks.document_kit.table import Row, Table, components, numbers, text_column
+from tasks.document_kit.table import Row, Table, components, text_column
 from tasks.documents.report.material import Material
-from tasks.documents.report.surveyed_differences import AXES, LEFT_OUT
+from tasks.documents.report.surveyed_differences import (
+    AXES,
+    HEADINGS,
+    LEFT_OUT,
+    STATISTICS_COLUMNS,
+    difference_statistics,
+    known_differences,
+    ratio_to_sigma,
+)
 from tasks.results.summary import CheckPointTest
 
-_HEADINGS = ("east", "north", "up")
 MOST_ROWS = 100
 
 
-_DIFFERENCES = (
-    text_of("point", "point"),
-    *numbers_of("{}_m", [f"d {h}" for h in _HEADINGS], "m", AXES, 3, plus=True),
-    *numbers_of("sigma_{}_m", [f"σ {h}" for h in _HEADINGS], "m", AXES, 3),
-    *numbers_of("{}_gsd", [f"d {h}" for h in _HEADINGS], "GSD", AXES, 2, plus=True),
-    *numbers_of("{}_ratio", [f"|d|/σ {h}" for h in _HEADINGS], "", AXES, 1),
+POINT = text_of("point", "point")
+DIFFERENCES = (
+    *numbers_of("{}_m", [f"d {h}" for h in HEADINGS], "m", AXES, 3, plus=True),
+    *numbers_of("sigma_{}_m", [f"σ {h}" for h in HEADINGS], "m", AXES, 3),
+    *numbers_of("{}_gsd", [f"d {h}" for h in HEADINGS], "GSD", AXES, 2, plus=True),
+    *numbers_of("{}_ratio", [f"|d|/σ {h}" for h in HEADINGS], "", AXES, 1),
     number_of("rays", "rays"),
 )
 _OF_CONTROL = (
     text_of("status", "status"),
     *numbers_of(
         "loo_{}_m",
-        [f"without it, d {h}" for h in _HEADINGS],
+        [f"without it, d {h}" for h in HEADINGS],
         "m",
         AXES,
         3,
@@ -61,7 +63,7 @@ def point_table(material: Material, is_check: bool) -> Table:
     listed = table.head(MOST_ROWS)
     kind = "check points" if is_check else "control points"
     file = "check_points.parquet" if is_check else "control_residuals.parquet"
-    shown = _DIFFERENCES if is_check else (*_DIFFERENCES, *_OF_CONTROL)
+    shown = (POINT, *DIFFERENCES, *(() if is_check else _OF_CONTROL))
     caption = f"{kind.capitalize()}, the largest |d|/σ first"
     note = omitted(listed, table, file, largest=True)
     return table_of(kind.replace(" ", "-"), caption, shown, listed, "{point}", note)
@@ -75,23 +77,15 @@ def statistics(material: Material) -> Table:
         table = table if is_check else table[table["status"] == "used"]
         if len(table) == 0:
             continue
-        known_m, known_gsd = (
-            [_known(table[f"{prefix}{axis}_{unit}"]) for axis in AXES] for unit in ("m", "gsd")
-        )
-        counted = numbers((float(len(values)) for values in known_m), 0)
-        for name, words, figure in _FIGURES:
-            metres, in_gsd = (
-                [figure(values) if len(values) else None for values in known]
-                for known in (known_m, known_gsd)
-            )
-            plus = name == "mean"
-            cells = (*numbers(metres, 3, plus=plus), *numbers(in_gsd, 2, plus=plus), *counted)
-            rows.append(Row(f"{key}:{name}", (f"{kind}, {words}", *cells)))
+        counted = known_differences(table, prefix)
+        rows += [
+            Row(f"{key}:{name}", (f"{kind}, {words}", *cells, *counted))
+            for name, words, cells in difference_statistics(table, prefix)
+        ]
     columns = (
         text_column("figure", "figure"),
-        *components("{}_m", _HEADINGS, "m", AXES),
-        *components("{}_gsd", _HEADINGS, "GSD", AXES),
-        *components("{}_count", [f"n {h}" for h in _HEADINGS], "", AXES),
+        *STATISTICS_COLUMNS,
+        *components("{}_count", [f"n {h}" for h in HEADINGS], "", AXES),
     )
     caption = "Differences at control and check points"
     return Table("surveyed-statistics", caption, columns, tuple(rows), _folds(material))
@@ -100,8 +94,7 @@ def statistics(material: Material) -> Table:
 def distance_table(material: Material) -> Table:
     """One row for each distance between object points, check distances first, then the largest |d|/σ."""
     table = material.distance_residuals.copy()
-    d, sigma = (table[name].to_numpy(np.float64) for name in ("difference_m", "sigma_difference_m"))
-    table["ratio"] = np.divide(np.abs(d), sigma, out=np.full(len(d), np.nan), where=sigma > 0)
+    table["ratio"] = ratio_to_sigma(table, "difference_m")
     table = table.sort_values(["status", "ratio"], ascending=[True, False], kind="stable")
     listed = table.head(MOST_ROWS)
     shown = (
@@ -136,7 +129,7 @@ def _coordinate(found: CheckPointTest, k: int) -> dict[str, Any]:
     own = {name: values[k] for name, values in found if isinstance(values, tuple)}
     beyond = own["rmse_m"] > own["predicted_high_m"] or abs(own["mean_m"]) > own["mean_limit_m"]
     smaller = "smaller than expected" if own["rmse_m"] < own["predicted_low_m"] else "as expected"
-    return {**own, "heading": _HEADINGS[k], "verdict": "beyond its limits" if beyond else smaller}
+    return {**own, "heading": HEADINGS[k], "verdict": "beyond its limits" if beyond else smaller}
 
 
 def _folds(material: Material) -> str:
@@ -151,22 +144,8 @@ def _folds(material: Material) -> str:
     )
 
 
-def _known(values: pd.Series) -> Floats:
-    every = values.to_numpy(np.float64)
-    return np.asarray(every[~np.isnan(every)])
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
 _KINDS = (
     ("control", "control points", False, ""),
     ("left-out", "control points, each left out", False, LEFT_OUT),
     ("check", "check points", True, ""),
-)
-_FIGURES: tuple[tuple[str, str, Callable[[Floats], float]], ...] = (
-    ("rms", "RMS", _rms),
-    ("mean", "mean", lambda values: float(np.mean(values))),
-    ("largest", "largest |d|", lambda values: float(np.max(np.abs(values)))),
 )
