@@ -264,6 +264,11 @@ class GivenOrientations:
         """Nominal mounting T of each image, (n, 3, 3)."""
         return np.asarray(self.mountings.body_from_camera[self.camera])
 
+    @property
+    def pixel_size(self) -> Floats:
+        """(n,) metres, of the camera of each image."""
+        return np.array([camera.pixel_size for camera in self.mountings.cameras])[self.camera]
+
     def angles_of(self, rows: Ints, camera: Ints) -> Floats:
         """Angles (k, 3) of images (k,) as they would be of other cameras (k,) on the same body, radians."""
         angles, own = self.angles[rows], self.camera[rows]

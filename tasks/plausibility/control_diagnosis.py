@@ -20,8 +20,8 @@ from tasks.deliveries.length_units import METRES_PER_UNIT
 from tasks.errors import InputError
 from tasks.plausibility.control import LARGEST_UNDULATION_M
 from tasks.plausibility.declared_accuracy import ExpectedIntersections
-from tasks.plausibility.hypotheses import Delivered
 from tasks.plausibility.mistake import Mistake
+from tasks.plausibility.orientation_slips import Delivered
 from tasks.tables.places import places_of
 
 _MARGIN = 3.0

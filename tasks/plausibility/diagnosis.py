@@ -15,9 +15,10 @@ import numpy as np
 from adjust.arrays import Bools, Floats
 from adjust.parameters import State
 from tasks.plausibility.declared_accuracy import TieLimits
-from tasks.plausibility.hypotheses import Delivered, Hypothesis, with_orientations_of
+from tasks.plausibility.hypotheses import with_orientations_of
 from tasks.plausibility.mistake import NO_USUAL_SLIP, Mistake
-from tasks.plausibility.ray_residuals import ray_residuals, sample_of_rays
+from tasks.plausibility.orientation_slips import Delivered, Slip
+from tasks.plausibility.ray_residuals import ray_residuals, renumbered, sample_of_rays, worst_camera
 
 # A hypothesis is taken when it brings the misses this many times down.
 _MARGIN = 3.0
@@ -52,39 +53,29 @@ class TieMisses:
     Attributes
     ----------
     state : of the block; its orientations are those of the reading.
-    pixel_size : (n,) of each image, metres.
     """
 
     state: State
-    pixel_size: Floats
 
     def of(self, delivered: Delivered) -> float:
         """Largest median over the cameras, px; infinite where most rays do not intersect."""
-        rays = delivered.rays
-        length, several = self._lengths(delivered)
-        camera = delivered.given.camera[rays.image]
-        medians = [np.median(length[several & (camera == number)]) for number in np.unique(camera[several])]
-        return float(max(medians, default=0.0))
+        return worst_camera(delivered.given, delivered.rays, self.residuals(delivered))
 
     def of_images(self, delivered: Delivered) -> Floats:
         """(n,) median of each image, px."""
-        length, several = self._lengths(delivered)
-        image, length = delivered.rays.image[several], length[several]
+        rays, points = delivered.rays, _points(delivered)
+        found = self.residuals(delivered)
+        length = np.hypot(found[:, 0], found[:, 1])
+        several = np.bincount(rays.point, minlength=points)[rays.point] >= 2
+        image, length = rays.image[several], np.where(np.isfinite(length), length, np.inf)[several]
         order = np.argsort(image, kind="stable")
         own = np.split(length[order], np.searchsorted(image[order], np.arange(1, len(delivered.given.image))))
         return np.array([np.median(one) if len(one) else 0.0 for one in own])
 
     def residuals(self, delivered: Delivered) -> Floats:
         """(rays, 2) px, NaN where the rays of a point do not intersect."""
-        points = _points(delivered)
-        return ray_residuals(delivered.rays, delivered.state(self.state), points, self.pixel_size).residual_px
-
-    def _lengths(self, delivered: Delivered) -> tuple[Floats, Bools]:
-        rays, points = delivered.rays, _points(delivered)
-        found = self.residuals(delivered)
-        length = np.hypot(found[:, 0], found[:, 1])
-        several: Bools = np.bincount(rays.point, minlength=points)[rays.point] >= 2
-        return np.where(np.isfinite(length), length, np.inf), several
+        state, pixel_size = delivered.state(self.state), delivered.given.pixel_size
+        return ray_residuals(delivered.rays, state, _points(delivered), pixel_size).residual_px
 
 
 def _points(delivered: Delivered) -> int:
@@ -92,7 +83,7 @@ def _points(delivered: Delivered) -> int:
 
 
 def diagnosed(
-    delivered: Delivered, misses: TieMisses, hypotheses: Sequence[Hypothesis], limits: TieLimits
+    delivered: Delivered, misses: TieMisses, hypotheses: Sequence[Slip], limits: TieLimits
 ) -> TieDiagnosis:
     """Mistakes that explain how far the rays miss each other.
 
@@ -104,7 +95,7 @@ def diagnosed(
     mistakes: list[Mistake] = []
     sample = replace(delivered, rays=sample_of_rays(delivered.rays, int(delivered.rays.point.max()) + 1))
     now = misses.of(sample)
-    done: list[Hypothesis] = []
+    done: list[Slip] = []
     while now > limits.suspicious_px and len(mistakes) < _MOST_MISTAKES:
         found = _explaining(sample, misses, hypotheses, now, limits)
         if not found:
@@ -125,10 +116,10 @@ def diagnosed(
 def _explaining(
     sample: Delivered,
     misses: TieMisses,
-    hypotheses: Sequence[Hypothesis],
+    hypotheses: Sequence[Slip],
     now: float,
     limits: TieLimits,
-) -> list[tuple[Mistake, Hypothesis]]:
+) -> list[tuple[Mistake, Slip]]:
     """The hypothesis, or the pair of them, that explains the misses; empty if nothing does."""
     trials = sorted(((misses.of(h.corrected(sample)), k) for k, h in enumerate(hypotheses)))
     best = trials[0][0]
@@ -143,14 +134,14 @@ def _explaining(
     left, one, other = min(pairs, key=lambda pair: pair[0])
     if left * _MARGIN < min(now, best) and left <= limits.wrong_px:
         evidence = (f"{_px(left)} if both are corrected", *_evidence(trials[:1], hypotheses), _as_is(now))
-        return [(Mistake(f"{one.what}.", evidence, one.remedy, one.declare), one),
-                (Mistake(f"{other.what}.", evidence, other.remedy, other.declare), other)]  # fmt: skip
+        return [(Mistake(f"{one.looks_like}.", evidence, one.remedy, one.declare), one),
+                (Mistake(f"{other.looks_like}.", evidence, other.remedy, other.declare), other)]  # fmt: skip
     return [_single(trials, hypotheses, now)] if best * _MARGIN < now and best <= limits.wrong_px else []
 
 
 def _single(
-    trials: Sequence[tuple[float, int]], hypotheses: Sequence[Hypothesis], now: float
-) -> tuple[Mistake, Hypothesis]:
+    trials: Sequence[tuple[float, int]], hypotheses: Sequence[Slip], now: float
+) -> tuple[Mistake, Slip]:
     """The best hypothesis, and next to it one that explains the misses as well."""
     best, first = trials[0]
     chosen = hypotheses[first]
@@ -159,15 +150,16 @@ def _single(
         for left, k in trials[1:]
         if left <= best * _MARGIN and not (chosen.kind and hypotheses[k].kind == chosen.kind)
     ]
-    also = f" {alike[0].what} just as well." if len(alike) == 1 else ""
+    also = f" {alike[0].looks_like} just as well." if len(alike) == 1 else ""
     remedy = f"{chosen.remedy} Or: {alike[0].remedy}" if len(alike) == 1 else chosen.remedy
     evidence = (*_evidence(trials[:_MOST_SHOWN], hypotheses), _as_is(now))
-    return Mistake(f"{chosen.what}.{also}", evidence, remedy, chosen.declare), chosen
+    return Mistake(f"{chosen.looks_like}.{also}", evidence, remedy, chosen.declare), chosen
 
 
-def _evidence(trials: Sequence[tuple[float, int]], hypotheses: Sequence[Hypothesis]) -> tuple[str, ...]:
+def _evidence(trials: Sequence[tuple[float, int]], hypotheses: Sequence[Slip]) -> tuple[str, ...]:
     return tuple(
-        f"{_px(left)}: {hypotheses[k].what[0].lower()}{hypotheses[k].what[1:]}" for left, k in trials
+        f"{_px(left)}: {hypotheses[k].looks_like[0].lower()}{hypotheses[k].looks_like[1:]}"
+        for left, k in trials
     )
 
 
@@ -189,19 +181,8 @@ def _smaller(sample: Delivered) -> Delivered:
 
 def _with_points(delivered: Delivered, chosen: Bools) -> Delivered:
     """The rays of the chosen points (m,), renumbered."""
-    rays = delivered.rays
-    number = np.cumsum(chosen) - 1
-    kept = chosen[rays.point]
     return replace(
-        delivered,
-        rays=replace(
-            rays,
-            image=rays.image[kept],
-            point=number[rays.point[kept]],
-            xy=rays.xy[kept],
-            sigma=rays.sigma[kept],
-            active=rays.active[kept],
-        ),
+        delivered, rays=renumbered(delivered.rays, chosen[delivered.rays.point], np.cumsum(chosen) - 1)
     )
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from adjust.arrays import Floats, Ints
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.diagnosis import TieMisses
-from tasks.plausibility.hypotheses import Delivered, with_orientations_of
+from tasks.plausibility.hypotheses import with_orientations_of
 from tasks.plausibility.mistake import Mistake
+from tasks.plausibility.orientation_slips import Delivered
 
 # An order is taken when it brings the misses of the strip this many times down.
 _MARGIN = 3.0

@@ -9,6 +9,7 @@ points show it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,7 +80,7 @@ def misalignment(
     state : with the given orientations.
     limits : above which an explanation is looked for at all.
     """
-    pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
+    pixel_size = given.pixel_size
     now_px = ray_residuals(rays, state, points, pixel_size).median_px
     if now_px <= limits.suspicious_px:
         return None
@@ -91,27 +92,14 @@ def misalignment(
 
     def residuals(angles: Floats) -> Floats:
         trial = _turned(given, angles.reshape(cameras, 3))
-        found = ray_residuals(sample, _state_of(state, trial), several, pixel_size).residual_px
-        return np.clip(np.nan_to_num(found, nan=10.0 * blunt), -10.0 * blunt, 10.0 * blunt).ravel()
+        return ray_residuals(sample, _state_of(state, trial), several, pixel_size).residual_px
 
-    # Loaded late: few blocks need it, and it takes a tenth of a second.
-    from scipy.optimize import least_squares
-
-    start = np.zeros(3 * cameras)
-    found = least_squares(
-        residuals,
-        start,
-        loss="soft_l1",
-        f_scale=0.1 * blunt,
-        x_scale=1e-3,
-        max_nfev=_MOST_TRIALS,
-    )
-    angles = found.x.reshape(cameras, 3)
+    angles = fitted(residuals, 3 * cameras, blunt).reshape(cameras, 3)
     turned = _turned(given, angles)
     left = ray_residuals(rays, _state_of(state, turned), points, pixel_size).median_px
     if np.abs(angles).max() > LARGEST or left > _LEFT * now_px:
         return None
-    slips, of_slip = best_slips(given, sample, state, now_px, pixel_size)
+    slips, of_slip = best_slips(given, sample, state, now_px)
     if len(slips) == 1 and of_slip <= _AS_WELL * left:
         return None
     return Misalignment(turned, angles)
@@ -151,22 +139,37 @@ def misalignment_by_control(
     cameras = len(given.mountings.cameras)
 
     def residuals(angles: Floats) -> Floats:
-        trial = differences(_turned(given, angles.reshape(cameras, 3))) / typical
-        return np.clip(np.nan_to_num(trial, nan=10.0), -10.0, 10.0).ravel()
+        return differences(_turned(given, angles.reshape(cameras, 3))) / typical
 
-    from scipy.optimize import least_squares
-
-    start = np.zeros(3 * cameras)
     # One wrong point among many must not turn the others.
-    found = least_squares(residuals, start, loss="soft_l1", f_scale=0.1, x_scale=1e-3, max_nfev=_MOST_TRIALS)
-    angles = found.x.reshape(cameras, 3)
+    angles = fitted(residuals, 3 * cameras, 1.0).reshape(cameras, 3)
     turned = _turned(given, angles)
     left = float(np.nanmedian(np.linalg.norm(differences(turned), axis=1)))
-    pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
-    misses = ray_residuals(rays, _state_of(state, turned), len(place), pixel_size).median_px
+    misses = ray_residuals(rays, _state_of(state, turned), len(place), given.pixel_size).median_px
     if np.abs(angles).max() > LARGEST or left > _LEFT * typical or misses > limits.suspicious_px:
         return None
     return Misalignment(turned, angles, typical)
+
+
+def fitted(residuals: Callable[[Floats], Floats], unknowns: int, blunt: float, unit: float = 1e-3) -> Floats:
+    """The unknowns, zero at first, that make residuals least, whatever single ones say.
+
+    Parameters
+    ----------
+    blunt : residuals of ten times as much count no more, and NaN as those.
+    unit : of the unknowns: what changes the residuals notably.
+    """
+    # Loaded late: few blocks need it, and it takes a tenth of a second.
+    from scipy.optimize import least_squares
+
+    def blunted(values: Floats) -> Floats:
+        found = np.nan_to_num(residuals(values), nan=10.0 * blunt)
+        return np.clip(found, -10.0 * blunt, 10.0 * blunt).ravel()
+
+    found = least_squares(
+        blunted, np.zeros(unknowns), loss="soft_l1", f_scale=0.1 * blunt, x_scale=unit, max_nfev=_MOST_TRIALS
+    )
+    return np.asarray(found.x)
 
 
 def _turned(given: GivenOrientations, angles: Floats) -> GivenOrientations:

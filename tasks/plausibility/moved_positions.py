@@ -14,11 +14,11 @@ from adjust.arrays import Bools, Floats
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.strip_motion import strip_motion
 from tasks.plausibility.diagnosis import TieMisses
-from tasks.plausibility.hypotheses import Delivered
+from tasks.plausibility.misalignment import fitted
 from tasks.plausibility.mistake import Mistake
+from tasks.plausibility.orientation_slips import Delivered
 
 _MARGIN = 3.0
-_MOST_TRIALS = 30
 # A vector this much along the flight is as well a time offset.
 _ALONG = 0.9
 
@@ -166,17 +166,6 @@ def _fitted(
     misses: TieMisses, with_values: Callable[[Floats], Delivered], unknowns: int, unit: float
 ) -> tuple[Floats, float]:
     """The unknowns that make the misses least, and what they leave, px."""
-    # Loaded late: few deliveries need it.
-    from scipy.optimize import least_squares
-
-    start = np.zeros(unknowns)
-    blunt = float(np.clip(misses.of(with_values(start)), 1.0, 1e4))
-
-    def residuals(values: Floats) -> Floats:
-        found = misses.residuals(with_values(values))
-        return np.clip(np.nan_to_num(found, nan=10.0 * blunt), -10.0 * blunt, 10.0 * blunt).ravel()
-
-    found = least_squares(
-        residuals, start, loss="soft_l1", f_scale=0.1 * blunt, x_scale=unit, max_nfev=_MOST_TRIALS
-    )
-    return found.x, misses.of(with_values(found.x))
+    blunt = float(np.clip(misses.of(with_values(np.zeros(unknowns))), 1.0, 1e4))
+    values = fitted(lambda tried: misses.residuals(with_values(tried)), unknowns, blunt, unit)
+    return values, misses.of(with_values(values))

@@ -7,17 +7,43 @@ data is judged by the tie points, see `tasks.plausibility.orientations`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TypeAlias
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import starmap
 
 import numpy as np
 
 from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
+from adjust.parameters import State
 from tasks.block.given_orientations import AngleOrder, GivenOrientations
 
-Reading: TypeAlias = tuple[GivenOrientations, ImagePoints, AngleOrder, Floats]
+_SAME = np.eye(3)
+#: The same words for either order that was declared.
+OTHER_ORDER = "The angles look like the other order of ω and φ"
+
+
+@dataclass(frozen=True, eq=False)
+class Delivered:
+    """Orientations and image points as they are read.
+
+    Attributes
+    ----------
+    given, rays : exposures and image points, of all points or a sample.
+    order : how ω, φ, κ are read.
+    turn : (3, 3) or (n, 3, 3), applied to the cameras last.
+    """
+
+    given: GivenOrientations
+    rays: ImagePoints
+    order: AngleOrder = "omega-phi-kappa"
+    turn: Floats = field(default_factory=lambda: _SAME)
+
+    def state(self, state: State) -> State:
+        """The state with these orientations."""
+        centre, local_from_camera = self.given.orientations(self.order)
+        return replace(state, projection_centre=centre, local_from_camera=local_from_camera @ self.turn)
 
 
 @dataclass(frozen=True)
@@ -28,66 +54,94 @@ class Slip:
     ----------
     looks_like : what it would be.
     remedy : what to do.
-    corrected : the input as it should have been read: orientations, image points, the order of the
-        angles, and a turn (3, 3) of the camera to be applied last.
+    corrected : the delivery as it should have been read.
+    declare : the line of the project file that would correct it; empty: the files must be corrected.
     kind : slips of one kind are different ways to have made the same one; need not be told from each other.
-    declare : key and value of the project file that would correct it, below `inputs`; empty: the file must
-    be.
     """
 
     looks_like: str
     remedy: str
-    corrected: Callable[[GivenOrientations, ImagePoints], Reading]
-    kind: str = ""
+    corrected: Callable[[Delivered], Delivered]
     declare: str = ""
+    kind: str = ""
 
 
-_SAME = np.eye(3)
-#: The same words for either order that was declared.
-OTHER_ORDER = "The angles look like the other order of ω and φ"
+def of_given(
+    looks_like: str,
+    remedy: str,
+    change: Callable[[GivenOrientations], GivenOrientations],
+    declare: str = "",
+    kind: str = "",
+) -> Slip:
+    """A slip of the exposures alone, which `change` undoes."""
+    return Slip(looks_like, remedy, lambda d: replace(d, given=change(d.given)), declare, kind)
+
+
+def _of_images(looks_like: str, remedy: str, change: Callable[[Floats], Floats], declare: str = "") -> Slip:
+    return Slip(looks_like, remedy, lambda d: replace(d, rays=replace(d.rays, xy=change(d.rays.xy))), declare)
+
+
+def _turned(looks_like: str, remedy: str, turn: Floats, kind: str) -> Slip:
+    return Slip(looks_like, remedy, lambda d: replace(d, turn=d.turn @ turn), kind=kind)
+
+
+#: Units of angles: in the project file, in words, and a factor: angles were read as degrees, degrees as gon.
+UNITS = (("gon", "gon", 0.9), ("deg", "degrees", 10.0 / 9.0), ("rad", "radians", 180.0 / np.pi))
+
+
+def other_unit(unit: str, words: str, factor: float) -> Slip:
+    """Angles in another unit than declared, which a factor turns into it."""
+    return of_given(
+        f"The angles look like {words}",
+        f'Declare angles.unit = "{unit}" for the exposures.',
+        lambda g: replace(g, angles=g.angles * factor),
+        f'inputs.exposures.angles.unit = "{unit}"',
+    )
+
+
+def other_order(order: AngleOrder, remedy: str) -> Slip:
+    """ω, φ, κ declared as φ, ω, κ, which the import has turned into ω, φ, κ, or the reverse."""
+
+    def corrected(delivered: Delivered) -> Delivered:
+        if order == "phi-omega-kappa":
+            return replace(delivered, order=order)
+        return replace(delivered, given=_with_omega_first(delivered.given))
+
+    return Slip(OTHER_ORDER, remedy, corrected, f'inputs.exposures.angles.order = "{order}"', "order")
 
 
 def usual_slips(given: GivenOrientations) -> list[Slip]:
     """The common mistakes."""
     on_grid = [] if given.is_heading.all() else _of_the_grid()
     by_north = _of_headings() if given.is_heading.any() else []
-    return [*_of_units(), *_of_axes(), *_of_quarter_turns(given), *on_grid, *by_north]
-
-
-def _of_units() -> list[Slip]:
-    key = "angles.unit"
-    return [
-        _angles("The angles look like gon", f'Declare {key} = "gon" for the exposures.', 0.9),
-        _angles("The angles look like degrees", f'Declare {key} = "deg" for the exposures.', 10.0 / 9.0),
-        _angles("The angles look like radians", f'Declare {key} = "rad" for the exposures.', 180.0 / np.pi),
-    ]
+    return [*starmap(other_unit, UNITS), *_of_axes(), *_of_quarter_turns(given), *on_grid, *by_north]
 
 
 def _of_axes() -> list[Slip]:
     """Axes of the image mirrored or swapped, rotations transposed."""
     return [
-        Slip(
+        _of_images(
             "The image coordinates look mirrored (y down)",
             "Image coordinates count y against the rows (up); change the sign of y, or declare unit px. Of "
             "film images check the side from which fiducials_mm numbers the marks.",
-            lambda g, r: (g, replace(r, xy=r.xy * np.array([1.0, -1.0])), "omega-phi-kappa", _SAME),
+            lambda xy: xy * np.array([1.0, -1.0]),
         ),
-        Slip(
+        _of_images(
             "The image coordinates look mirrored (x to the left)",
             "Image coordinates count x along the columns (to the right); change the sign of x. Of film "
             "images check the side from which fiducials_mm numbers the marks.",
-            lambda g, r: (g, replace(r, xy=r.xy * np.array([-1.0, 1.0])), "omega-phi-kappa", _SAME),
+            lambda xy: xy * np.array([-1.0, 1.0]),
         ),
-        Slip(
+        _of_images(
             "The columns x and y of the image points look swapped",
             "Swap the two columns, or their names in the header.",
-            lambda g, r: (g, replace(r, xy=r.xy[:, ::-1].copy()), "omega-phi-kappa", _SAME),
-            declare='image_points.columns = { x = "y", y = "x" }',
+            lambda xy: xy[:, ::-1].copy(),
+            'inputs.image_points.columns = { x = "y", y = "x" }',
         ),
         Slip(
             "The rotations look transposed (camera from ground instead of ground from camera)",
             "Export the angles of the rotation from the camera to the ground.",
-            lambda g, r: (g, r, "omega-phi-kappa", _transposing(g)),
+            lambda d: replace(d, turn=d.turn @ _transposing(d.given)),
         ),
     ]
 
@@ -98,11 +152,11 @@ def _of_quarter_turns(given: GivenOrientations) -> list[Slip]:
     for quarter in (1, 2, 3):
         turn = np.round(rotation.about_z(quarter * np.pi / 2.0))
         slips.append(
-            Slip(
+            _turned(
                 f"The images look rotated by {90 * quarter}° relative to the given angles",
                 "Check which way up the images were measured, κ, and mount_deg if headings are given; of "
                 "film images where fiducials_mm begins to number the marks.",
-                lambda g, r, turn=turn: (g, r, "omega-phi-kappa", turn),  # type: ignore[misc]
+                turn,
                 f"turned by {90 * quarter}°",
             )
         )
@@ -116,42 +170,34 @@ def _of_quarter_turns(given: GivenOrientations) -> list[Slip]:
 def _of_the_grid() -> list[Slip]:
     """Order, sign and reference of angles counted from the axes of the map."""
     return [
-        Slip(
-            OTHER_ORDER,
-            'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa".',
-            lambda g, r: (g, r, "phi-omega-kappa", _SAME),
-            "order",
-            declare='exposures.angles.order = "phi-omega-kappa"',
+        other_order(
+            "phi-omega-kappa", 'Declare angles.order = "phi-omega-kappa" instead of "omega-phi-kappa".'
         ),
-        Slip(
-            OTHER_ORDER,
-            'Declare angles.order = "omega-phi-kappa" instead of "phi-omega-kappa".',
-            lambda g, r: (with_omega_first(g), r, "omega-phi-kappa", _SAME),
-            "order",
-            declare='exposures.angles.order = "omega-phi-kappa"',
+        other_order(
+            "omega-phi-kappa", 'Declare angles.order = "omega-phi-kappa" instead of "phi-omega-kappa".'
         ),
-        Slip(
+        of_given(
             "κ appears to be counted clockwise",
             "Change the sign of κ in the exposures: it is counted counter-clockwise, from east to the x axis "
             "of the image.",
-            lambda g, r: (_with_opposite_kappa(g), r, "omega-phi-kappa", _SAME),
+            _with_opposite_kappa,
         ),
-        Slip(
+        of_given(
             "The angles appear to refer to true north",
             'Declare angles.reference = "true-north" for the exposures.',
-            lambda g, r: (replace(g, local_from_grid=g.local_from_enu), r, "omega-phi-kappa", _SAME),
-            declare='exposures.angles.reference = "true-north"',
+            lambda g: replace(g, local_from_grid=g.local_from_enu),
+            'inputs.exposures.angles.reference = "true-north"',
         ),
-        Slip(
+        of_given(
             "The angles appear to refer to grid north",
             'Declare angles.reference = "grid" for the exposures.',
-            lambda g, r: (replace(g, local_from_grid=_once_more(g)), r, "omega-phi-kappa", _SAME),
-            declare='exposures.angles.reference = "grid"',
+            lambda g: replace(g, local_from_grid=_once_more(g)),
+            'inputs.exposures.angles.reference = "grid"',
         ),
     ]
 
 
-def with_omega_first(given: GivenOrientations) -> GivenOrientations:
+def _with_omega_first(given: GivenOrientations) -> GivenOrientations:
     """Angles that were read as φ, ω, κ, read as ω, φ, κ."""
     delivered = rotation.to_phi_omega_kappa(rotation.from_omega_phi_kappa(given.angles))
     return replace(given, angles=np.where(given.is_heading[:, None], given.angles, delivered))
@@ -165,11 +211,11 @@ def _with_opposite_kappa(given: GivenOrientations) -> GivenOrientations:
 def _of_headings() -> list[Slip]:
     """Headings counted from the other north: they differ by the meridian convergence of each exposure."""
     return [
-        Slip(
+        of_given(
             f"The headings appear to refer to {words}",
             f'Declare angles.reference = "{reference}" for the exposures.',
-            lambda g, r, sign=sign: (_from_other_north(g, sign), r, "omega-phi-kappa", _SAME),  # type: ignore[misc]
-            declare=f'exposures.angles.reference = "{reference}"',
+            partial(_from_other_north, sign=sign),
+            f'inputs.exposures.angles.reference = "{reference}"',
         )
         for words, reference, sign in (("true north", "true-north", 1.0), ("grid north", "grid", -1.0))
     ]
@@ -185,11 +231,11 @@ def _from_other_north(given: GivenOrientations, sign: float) -> GivenOrientation
 
 def _turned_headings(quarter: int) -> Slip:
     """Headings off by quarter turns: unlike a turned camera, roll and pitch stay with the body's axes."""
-    return Slip(
+    return of_given(
         f"The headings look rotated by {90 * quarter}°",
         "Check the definition of the headings (nose of the aircraft, clockwise from north) and mount_deg.",
-        lambda g, r: (_with_turned_headings(g, quarter), r, "omega-phi-kappa", _SAME),
-        f"turned by {90 * quarter}°",
+        lambda g: _with_turned_headings(g, quarter),
+        kind=f"turned by {90 * quarter}°",
     )
 
 
@@ -217,15 +263,10 @@ def _turned_camera(given: GivenOrientations, camera: int, quarter: int) -> list[
     looks_like = f"The images of camera {name} look rotated by {90 * quarter}° relative to the given angles"
     remedy = f"Check which way up its images were measured, their κ or headings, and mount_deg of {name}."
     kind = f"camera {camera} turned by {90 * quarter}°"
-    slips = [Slip(looks_like, remedy, lambda g, r: (g, r, "omega-phi-kappa", turn), kind)]
+    slips = [_turned(looks_like, remedy, turn, kind)]
     if given.is_heading.any():
         slips.append(
-            Slip(
-                looks_like,
-                remedy,
-                lambda g, r: (_with_turned_headings(g, quarter, camera), r, "omega-phi-kappa", _SAME),
-                kind,
-            )
+            of_given(looks_like, remedy, lambda g: _with_turned_headings(g, quarter, camera), kind=kind)
         )
     return slips
 
@@ -234,15 +275,6 @@ def _once_more(given: GivenOrientations) -> Floats:
     """Axes (n, 3, 3) in which a meridian convergence that was added on import is taken away again."""
     enu_from_grid = np.swapaxes(given.local_from_enu, 1, 2) @ given.local_from_grid
     return np.asarray(given.local_from_grid @ enu_from_grid)
-
-
-def _angles(looks_like: str, remedy: str, factor: float) -> Slip:
-    return Slip(
-        looks_like,
-        remedy,
-        lambda g, r: (replace(g, angles=g.angles * factor), r, "omega-phi-kappa", _SAME),
-        declare=f"exposures.{remedy.removeprefix('Declare ').removesuffix(' for the exposures.')}",
-    )
 
 
 def _transposing(given: GivenOrientations) -> Floats:

@@ -21,10 +21,16 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.errors import InputError
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.diagnosis import TieMisses
-from tasks.plausibility.hypotheses import Delivered, of_orientations
+from tasks.plausibility.hypotheses import of_orientations
 from tasks.plausibility.mistake import NO_USUAL_SLIP
-from tasks.plausibility.orientation_slips import Slip, usual_slips
-from tasks.plausibility.ray_residuals import RayResiduals, ray_residuals, sample_of_rays, subset
+from tasks.plausibility.orientation_slips import Delivered, Slip, usual_slips
+from tasks.plausibility.ray_residuals import (
+    RayResiduals,
+    ray_residuals,
+    renumbered,
+    sample_of_rays,
+    worst_camera,
+)
 from tasks.plausibility.tie_mistakes import tie_mistakes
 
 # A mistake is named when it brings the median residual below the limit and this many times below others.
@@ -59,42 +65,31 @@ def check_orientations(
         If all orientations are wrong in one way, those of one camera are, or single images contradict their
         neighbours.
     """
-    pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
-    worst_px = max(found.median_px, _worst_camera(given, rays, found))
+    worst_px = max(found.median_px, worst_camera(given, rays, found.residual_px))
     if worst_px <= limits.suspicious_px:
-        _check_single_images(given, rays, state, points, limits, pixel_size, found)
+        _check_single_images(given, rays, state, points, limits, found)
         return []
-    slips, left_px = best_slips(given, sample_of_rays(rays, points), state, worst_px, pixel_size)
+    slips, left_px = best_slips(given, sample_of_rays(rays, points), state, worst_px)
     if worst_px <= limits.wrong_px and (not slips or left_px > limits.suspicious_px):
-        _check_single_images(given, rays, state, points, limits, pixel_size, found)
+        _check_single_images(given, rays, state, points, limits, found)
         return []
     if worst_px > limits.wrong_px:
         if not slips and found.median_px <= limits.wrong_px:
-            _check_single_images(given, rays, state, points, limits, pixel_size, found)
+            _check_single_images(given, rays, state, points, limits, found)
         explaining = slips if left_px <= limits.wrong_px else ()
         refusal = _refusal(worst_px, limits.wrong_px, limits.because, explaining, left_px)
-        raise refusal if explaining else _explained(refusal, given, rays, state, limits, pixel_size)
+        raise refusal if explaining else _explained(refusal, given, rays, state, limits)
     refusal = _refusal(worst_px, limits.suspicious_px, "", slips, left_px)
     try:
-        _check_single_images(given, rays, state, points, limits, pixel_size, found)
+        _check_single_images(given, rays, state, points, limits, found)
     except InputError as error:
         # Images that stand out most are not to blame for what all of them show.
         raise refusal from error
     return [str(refusal)]
 
 
-def _worst_camera(given: GivenOrientations, rays: ImagePoints, found: RayResiduals) -> float:
-    """Largest median residual of the cameras, px: one of several may be wrong and the median not show it."""
-    length = np.hypot(found.residual_px[:, 0], found.residual_px[:, 1])
-    length = np.where(np.isfinite(length), length, np.inf)
-    camera = given.camera[rays.image]
-    several = np.bincount(rays.point)[rays.point] >= 2
-    medians = [np.median(length[several & (camera == number)]) for number in np.unique(camera[several])]
-    return float(max(medians, default=0.0))
-
-
 def best_slips(
-    given: GivenOrientations, sample: ImagePoints, state: State, now_px: float, pixel: Floats
+    given: GivenOrientations, sample: ImagePoints, state: State, now_px: float
 ) -> tuple[tuple[Slip, ...], float]:
     """The slips that explain the residuals clearly better than all others, best first; what is left, px.
 
@@ -103,7 +98,8 @@ def best_slips(
     points = int(sample.point.max()) + 1
     trials = []
     for slip in usual_slips(given):
-        trials.append((ray_residuals(*_corrected(slip, given, sample, state), points, pixel).median_px, slip))
+        read = _corrected(slip, given, sample, state)
+        trials.append((ray_residuals(*read, points, given.pixel_size).median_px, slip))
     trials.sort(key=lambda item: item[0])
     best_px = trials[0][0]
     if best_px * _MARGIN >= now_px:
@@ -120,9 +116,8 @@ def _corrected(
     slip: Slip, given: GivenOrientations, rays: ImagePoints, state: State
 ) -> tuple[ImagePoints, State]:
     """Image points and state as they are if a mistake was made."""
-    orientations, read, order, turn = slip.corrected(given, rays)
-    centre, local_from_camera = orientations.orientations(order)
-    return read, replace(state, projection_centre=centre, local_from_camera=local_from_camera @ turn)
+    read = slip.corrected(Delivered(given, rays))
+    return read.rays, read.state(state)
 
 
 def _refusal(
@@ -151,7 +146,6 @@ def _check_single_images(
     state: State,
     points: int,
     limits: TieLimits,
-    pixel: Floats,
     found: RayResiduals,
 ) -> None:
     """Name images whose orientation contradicts that of their neighbours.
@@ -161,19 +155,19 @@ def _check_single_images(
     the others, such as from the track, contradict nobody.
     """
     left_out: list[int] = []
-    limit_px = limits.wrong_px
+    limit_px, pixel = limits.wrong_px, given.pixel_size
     kept = np.asarray((limits.of_image_px <= limit_px)[rays.image])
     number = np.arange(points)
     if kept.all():
         medians = _medians(rays, found, points, len(given.image))
     else:
-        medians = _medians_of(subset(rays, kept, number), state, points, pixel)
+        medians = _medians_of(renumbered(rays, kept, number), state, points, pixel)
     while len(left_out) <= max(1, len(given.image) // 5):
         if medians.max() <= limit_px:
             break
         suspects = [int(i) for i in np.argsort(-medians, kind="stable")[:_SUSPECTS] if medians[i] > limit_px]
         without = [
-            _medians_of(subset(rays, kept & (rays.image != i), number), state, points, pixel)
+            _medians_of(renumbered(rays, kept & (rays.image != i), number), state, points, pixel)
             for i in suspects
         ]
         best = int(np.argmin([np.sum(np.minimum(m, 1e3 * limit_px)) for m in without]))
@@ -182,11 +176,11 @@ def _check_single_images(
         medians = without[best]
     if not left_out:
         return
-    points_of_others = intersect(subset(rays, kept, number), state, points)
+    points_of_others = intersect(renumbered(rays, kept, number), state, points)
     trusted = replace(state, object_point=points_of_others.object_point)
     image = left_out[0]
     own = (rays.image == image) & points_of_others.usable[rays.point]
-    own_rays = subset(rays, own, number)
+    own_rays = renumbered(rays, own, number)
     others = f" ({len(left_out)} images in all: {', '.join(given.image[i] for i in left_out)})"
     suffix = others if len(left_out) > 1 else ""
     now = _median_length(own_rays, trusted, pixel)
@@ -212,20 +206,16 @@ def _check_single_images(
         what, "Check its position, its angles, and whether its image points are its own.",
         entity=f"image {given.image[image]}",
     )  # fmt: skip
-    raise _explained(refusal, given, rays, state, limits, pixel)
+    raise _explained(refusal, given, rays, state, limits)
 
 
 def _explained(
-    refusal: InputError,
-    given: GivenOrientations,
-    rays: ImagePoints,
-    state: State,
-    limits: TieLimits,
-    pixel: Floats,
+    refusal: InputError, given: GivenOrientations, rays: ImagePoints, state: State, limits: TieLimits
 ) -> InputError:
     """The refusal with what the doctor would find; the same where that is nothing."""
-    delivered = Delivered(given, rays, "omega-phi-kappa", np.eye(3))
-    found = tie_mistakes(delivered, TieMisses(state, pixel), of_orientations(given, ()), limits).mistakes
+    found = tie_mistakes(
+        Delivered(given, rays), TieMisses(state), of_orientations(given, ()), limits
+    ).mistakes
     if not found:
         return refusal
     shown = (f"{mistake.what.rstrip('.')} ({'; '.join(mistake.evidence)})." for mistake in found)

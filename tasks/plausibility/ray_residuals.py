@@ -10,6 +10,7 @@ from adjust.approximate.intersection import Intersection, intersect
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
+from tasks.block.given_orientations import GivenOrientations
 
 # Rays used to try slips: enough for a median, few enough to be instant.
 _TRIAL_POINTS = 3000
@@ -54,22 +55,34 @@ def ray_residuals(
     return RayResiduals(residual_px, float(np.median(length)) if len(length) else 0.0)
 
 
+def worst_camera(given: GivenOrientations, rays: ImagePoints, residual_px: Floats) -> float:
+    """Largest median residual of the cameras, px: one of several may be wrong and the median not show it."""
+    length = np.hypot(residual_px[:, 0], residual_px[:, 1])
+    length = np.where(np.isfinite(length), length, np.inf)
+    camera = given.camera[rays.image]
+    several = np.bincount(rays.point)[rays.point] >= 2
+    medians = [np.median(length[several & (camera == number)]) for number in np.unique(camera[several])]
+    return float(max(medians, default=0.0))
+
+
 def sample_of_rays(rays: ImagePoints, points: int) -> ImagePoints:
     """Rays of a limited number of points, those with most rays first, renumbered."""
     count = np.bincount(rays.point, minlength=points)
     chosen = np.sort(np.argsort(-count, kind="stable")[:_TRIAL_POINTS])
     number = np.full(points, -1, dtype=np.int64)
     number[chosen] = np.arange(len(chosen))
-    return subset(rays, number[rays.point] >= 0, number)
+    return renumbered(rays, number[rays.point] >= 0, number)
 
 
-def subset(rays: ImagePoints, kept: Bools, number: Ints) -> ImagePoints:
-    """Some of the rays (n,), their object points renumbered: `number` (points,) is the new one of each."""
-    return ImagePoints(
-        rays.image[kept],
-        number[rays.point[kept]],
-        rays.camera_of_image,
-        rays.xy[kept],
-        rays.sigma[kept],
-        rays.active[kept],
-    )
+def renumbered(rays: ImagePoints, kept: Bools, number: Ints) -> ImagePoints:
+    """Some of the rays (n,), of points that have other numbers (points,)."""
+    return rays.only(np.flatnonzero(kept), number[rays.point[kept]])
+
+
+def flying_height(state: State, intersection: Intersection) -> float:
+    """Median flying height above the intersected points, metres; 0 if none was intersected."""
+    usable = intersection.usable
+    if not usable.any():
+        return 0.0
+    height = np.median(state.projection_centre[:, 2]) - np.median(intersection.object_point[usable, 2])
+    return float(max(height, 0.0))

@@ -11,11 +11,11 @@ from dataclasses import replace
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.diagnosis import TieDiagnosis, TieMisses, diagnosed, exchanged_images
 from tasks.plausibility.disordered_strips import disordered_strips
-from tasks.plausibility.hypotheses import Delivered, Hypothesis
+from tasks.plausibility.orientation_slips import Delivered, Slip
 
 
 def tie_mistakes(
-    delivered: Delivered, misses: TieMisses, hypotheses: Sequence[Hypothesis], limits: TieLimits
+    delivered: Delivered, misses: TieMisses, hypotheses: Sequence[Slip], limits: TieLimits
 ) -> TieDiagnosis:
     """Mistakes of the whole delivery, then those of single strips, then exchanged images.
 

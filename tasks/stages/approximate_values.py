@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adjust.approximate.intersection import Intersection, IntersectionStatus, intersect
+from adjust.approximate.intersection import IntersectionStatus, intersect
 from adjust.arrays import Bools, Floats, Ints
-from adjust.parameters import State
 from tasks.block.approximation import (
     MISMATCH,
     STATUS,
@@ -42,7 +41,7 @@ from tasks.plausibility.distances import check_distances
 from tasks.plausibility.flight_direction import check_flight_direction
 from tasks.plausibility.misalignment import misalignment, misalignment_by_control
 from tasks.plausibility.orientations import check_orientations
-from tasks.plausibility.ray_residuals import ray_residuals
+from tasks.plausibility.ray_residuals import flying_height, ray_residuals
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
@@ -152,7 +151,7 @@ def _intersected(
     block = block_of(frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings())
     state = block.approximate_state()
     intersection = intersect(rays, state, len(points))
-    height = _height(state, intersection)
+    height = flying_height(state, intersection)
     limits = tie_limits(given, checks, height)
     remarks: list[str] = []
     for by_control in (False, True) if misaligned else ():
@@ -169,10 +168,9 @@ def _intersected(
                 frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings()
             ).approximate_state()
             intersection = intersect(rays, state, len(points))
-            height = _height(state, intersection)
+            height = flying_height(state, intersection)
             limits = tie_limits(given, checks, height)
-    pixel_size = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
-    residuals = ray_residuals(rays, state, len(points), pixel_size, intersection)
+    residuals = ray_residuals(rays, state, len(points), given.pixel_size, intersection)
     suspicions = check_orientations(given, rays, state, len(points), limits, residuals)
 
     residual_px = residuals.residual_px
@@ -214,15 +212,6 @@ def _take_surveyed(
         if status[j] in ("single_ray", "parallel_rays", WEAK_ANGLE) and count[j] > 0:
             x_in_local[j] = surveyed.x_in_local[k]
             status[j] = USED
-
-
-def _height(state: State, intersection: Intersection) -> float:
-    """Median flying height above the intersected points, 0 if none was intersected."""
-    usable = intersection.usable
-    if not usable.any():
-        return 0.0
-    height = np.median(state.projection_centre[:, 2]) - np.median(intersection.object_point[usable, 2])
-    return float(max(height, 0.0))
 
 
 def _intersections(found: Approximation) -> Floats:
@@ -305,9 +294,8 @@ def _control_residuals(found: Approximation, surveyed: SurveyedPoints, row: Ints
     kept = np.isfinite(object_point[found.image_points.point]).all(axis=1)
     state = replace(found.state, object_point=np.nan_to_num(object_point))
     misclosure = found.image_points.misclosure(state)[kept]
-    cameras = found.given.mountings.cameras
-    pixel = np.array([camera.pixel_size for camera in cameras])[found.given.camera]
-    return np.asarray(-misclosure / pixel[found.image_points.image[kept]][:, None] * np.array([1.0, -1.0]))
+    pixel = found.given.pixel_size[found.image_points.image[kept]]
+    return np.asarray(-misclosure / pixel[:, None] * np.array([1.0, -1.0]))
 
 
 def _rms(residual_px: Floats) -> list[float] | None:

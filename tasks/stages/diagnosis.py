@@ -25,10 +25,12 @@ from tasks.plausibility.control_diagnosis import Survey, diagnosed_control
 from tasks.plausibility.coverage import other_pixel_origins, uncovered
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
 from tasks.plausibility.diagnosis import TieMisses, unexplained
-from tasks.plausibility.hypotheses import Delivered, of_orientations
+from tasks.plausibility.hypotheses import of_orientations
 from tasks.plausibility.misalignment import misalignment, misalignment_by_control
 from tasks.plausibility.mistake import Mistake
 from tasks.plausibility.moved_positions import DeclaredPositions, moved_positions, with_boresight
+from tasks.plausibility.orientation_slips import Delivered
+from tasks.plausibility.ray_residuals import flying_height
 from tasks.plausibility.tie_mistakes import tie_mistakes
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.cameras import CameraInput
@@ -111,18 +113,13 @@ def _block(given: GivenOrientations, frame: AdjustmentFrame, measured: pd.DataFr
     points = distinct(own["point"])
     rays, _ = image_point_observations(own, given.image, points, given.camera)
     block = block_of(frame, given, points, np.zeros((len(points), 3)), AdjustmentSettings())
-    delivered = Delivered(given, rays, "omega-phi-kappa", np.eye(3))
+    delivered = Delivered(given, rays)
     return _Block(delivered, block.approximate_state(), points, frame)
 
 
 def _height(block: _Block) -> float:
-    """Flying height above the intersections, metres; 0 if there are none."""
     state = block.delivered.state(block.state)
-    found = intersect(block.delivered.rays, state, len(block.points))
-    if not found.usable.any():
-        return 0.0
-    ground = np.median(found.object_point[found.usable, 2])
-    return float(max(np.median(state.projection_centre[:, 2]) - ground, 0.0))
+    return flying_height(state, intersect(block.delivered.rays, state, len(block.points)))
 
 
 def _by_ties(
@@ -138,8 +135,7 @@ def _by_ties(
         turned = misalignment(given, delivered.rays, block.state, len(block.points), limits)
         given = given if turned is None else turned.given
         delivered = replace(delivered, given=given)
-    pixel = np.array([camera.pixel_size for camera in given.mountings.cameras])[given.camera]
-    misses = TieMisses(block.state, pixel)
+    misses = TieMisses(block.state)
     hypotheses = of_orientations(given, [source.angles for source in declared.exposures])
     found = tie_mistakes(delivered, misses, hypotheses, limits)
     settled = found.delivered
