@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 from flows.stories.block_preparation import prepare_block
+from tasks.block.assembled_block import DeliveredTables
 from tasks.georeferencing.registered_cameras import with_registered_cameras
 from tasks.planning.plan import CalibrationPlan, plan_calibration
 from tasks.planning.project_network import network_of_project
@@ -43,14 +44,8 @@ def plan_of_project(
         store = Store.of(Path(folder))
         store.begin_run()
         block = prepare_block(project, store)
-        network = network_of_project(
-            **block.tables,
-            approximate_points=block.approximate["approximate_points"],
-            approximate_orientations=block.approximate["approximate_orientations"],
-            project=project.project,
-            adjustment=settings,
-            free=request.estimated,
-        )
+        delivered = DeliveredTables.of(block.start)
+        network = network_of_project(delivered, project.project, settings, request.estimated)
     return plan_calibration(project.project.name, network, request, propose=propose)
 
 

@@ -17,6 +17,7 @@ from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.quality.observation_parts import Division
+from adjust.rig import Rig
 from adjust.solve.system import Observations
 from tasks.block.approximation import USED
 from tasks.block.block_input import SurveyedPoints, block_of, image_point_observations, surveyed_points
@@ -64,6 +65,51 @@ class DeliveredTables:
 
 
 @dataclass(frozen=True, eq=False)
+class BlockStart:
+    """Where a block begins: images with their given orientations, object and surveyed points in one frame.
+
+    Attributes
+    ----------
+    points : names of the object points that are used.
+    x_in_local : (points, 3) approximate positions.
+    rig, events : exposure events of a rig, and their orientations; None, and those of the images, of cameras
+        alone.
+    """
+
+    frame: AdjustmentFrame
+    given: GivenOrientations
+    points: tuple[str, ...]
+    x_in_local: Floats
+    surveyed: SurveyedPoints
+    rig: Rig | None
+    events: GivenOrientations
+
+    @classmethod
+    def of(cls, delivered: DeliveredTables, map_frame: MapFrame) -> BlockStart:
+        """Of the delivered tables and their approximate values.
+
+        Raises
+        ------
+        InputError
+            If no image is oriented, or heads cannot be combined into events.
+        """
+        approximate = delivered.approximate_points
+        given, frame, _ = oriented_images(
+            delivered.exposures,
+            delivered.cameras,
+            delivered.image_points,
+            map_frame,
+            delivered.approximate_orientations,
+        )
+        surveyed = surveyed_points(delivered.control_points, map_frame, frame, near=approximate)
+        start = approximate[approximate["status"] == USED]
+        x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
+        events = exposure_events(given)
+        rig, of_events = (None, given) if events is None else (events.rig, events.given)
+        return cls(frame, given, tuple(start["point"].tolist()), x_in_local, surveyed, rig, of_events)
+
+
+@dataclass(frozen=True, eq=False)
 class AssembledBlock:
     """A block with its observations, ready to be adjusted.
 
@@ -99,22 +145,14 @@ def assembled_block(
     delivered: DeliveredTables, map_frame: MapFrame, settings: AdjustmentSettings
 ) -> AssembledBlock:
     """The block of the delivered tables, with approximate values and all observations."""
-    approximate, measured = delivered.approximate_points, delivered.image_points
-    given, frame, _ = oriented_images(
-        delivered.exposures, delivered.cameras, measured, map_frame, delivered.approximate_orientations
-    )
-    surveyed = surveyed_points(delivered.control_points, map_frame, frame, near=approximate)
+    start, measured = BlockStart.of(delivered, map_frame), delivered.image_points
+    frame, given, surveyed, of_events = start.frame, start.given, start.surveyed, start.events
     if "control" not in settings.observe:
         surveyed = replace(surveyed, is_check=np.ones_like(surveyed.is_check))
-    start = approximate[approximate["status"] == USED]
-    x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
     calibration = block_self_calibration(given, delivered.cameras, settings.self_calibration)
-    events = exposure_events(given)
-    rig, of_events = (None, given) if events is None else (events.rig, events.given)
     require_motion(of_events, settings)
     begin = of_events.with_boresight(delivered.approximate_boresight).orientations()
-    names = tuple(start["point"].tolist())
-    block = block_of(frame, given, names, x_in_local, settings, calibration, begin, rig)
+    block = block_of(frame, given, start.points, start.x_in_local, settings, calibration, begin, start.rig)
     known = known_calibrations(block, delivered.cameras)
     block = with_known_calibrations(block, known)
     rays, rows = _image_points(block, measured, settings, calibration)

@@ -25,7 +25,7 @@ from adjust.parameters import (
     SystemParameters,
 )
 from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET, Rig
-from tasks.block.given_orientations import GivenOrientations
+from tasks.block.given_orientations import GivenOrientations, Mountings
 from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
@@ -68,6 +68,12 @@ class SurveyedPoints:
         known = np.flatnonzero((row >= 0) & self.complete)
         place[row[known]] = self.x_in_local[known]
         return place
+
+    def control_among(self, points: tuple[str, ...]) -> tuple[Ints, Ints]:
+        """Rows of the control points that are among object points, and their places there."""
+        place = places_of(self.name, points)
+        rows = np.flatnonzero((place >= 0) & ~self.is_check & self.present.any(axis=1))
+        return rows, place[rows]
 
 
 def surveyed_points(
@@ -128,6 +134,14 @@ def _turned(sigma: Floats, convergence: Floats) -> Floats:
     return covariance
 
 
+def control_distances(table: pd.DataFrame, points: tuple[str, ...]) -> tuple[pd.DataFrame, Ints]:
+    """Rows of the control distances between these points, and the places (n, 2) of both ends."""
+    own = table[table["role"] == "control"]
+    ends = np.stack([places_of(own[name], points) for name in ("point", "other_point")], axis=1)
+    kept = (ends >= 0).all(axis=1)
+    return own.iloc[np.flatnonzero(kept)], ends[kept]
+
+
 def image_point_observations(
     table: pd.DataFrame,
     images: tuple[str, ...],
@@ -153,15 +167,9 @@ def image_point_observations(
     return observations, rows
 
 
-def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) -> tuple[SystemParameters, ...]:
-    """All families with their given values; free are those the settings name.
-
-    The values of mountings are given, all others are zero; what is not `always_there` is there only when it
-    is free: nothing is known of it.
-    """
-    mountings = given.mountings
-    entities = {"camera": mountings.names, "flight": given.flights, "strip": given.strips}
-    stated = {
+def stated_values(mountings: Mountings) -> dict[str, Floats]:
+    """Family → the values (cameras, k) of its parameters that cameras and mountings state."""
+    return {
         INTERIOR_ORIENTATION: np.array([[c.focal_length, *c.principal_point] for c in mountings.cameras]),
         BORESIGHT: mountings.boresight,
         LEVER_ARM: mountings.lever_arm,
@@ -169,6 +177,16 @@ def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) ->
         RELATIVE_ROTATION: mountings.relative_rotation,
         SYNCHRONISATION_OFFSET: mountings.synchronisation_offset,
     }
+
+
+def system_parameters(given: GivenOrientations, settings: AdjustmentSettings) -> tuple[SystemParameters, ...]:
+    """All families with their given values; free are those the settings name.
+
+    The values of mountings are given, all others are zero; what is not `always_there` is there only when it
+    is free: nothing is known of it.
+    """
+    mountings, stated = given.mountings, stated_values(given.mountings)
+    entities = {"camera": mountings.names, "flight": given.flights, "strip": given.strips}
     chosen = [KINDS[name] for name in settings.free]
     if not mountings.has_heads:
         refuse_heads(chosen)

@@ -13,7 +13,7 @@ from adjust.approximate.placement import KnownPlaces, Placement
 from adjust.approximate.unoriented import find_orientations
 from adjust.arrays import Floats, Ints
 from adjust.geometry import rotation
-from tasks.block.block_input import image_point_observations, surveyed_points
+from tasks.block.block_input import control_distances, image_point_observations, surveyed_points
 from tasks.block.given_orientations import GivenOrientations, Mountings
 from tasks.block.oriented_images import OPK_DEG, XYZ_M, has_attitude, has_position, measured_exposures
 from tasks.coordinates.crs import MapFrame
@@ -26,7 +26,6 @@ from tasks.coordinates.local_frame import (
 )
 from tasks.errors import InputError
 from tasks.tables.number_columns import numbers_of
-from tasks.tables.places import places_of
 
 _log = logging.getLogger("aerocal")
 
@@ -107,18 +106,16 @@ def _control(
     """Coordinates (m, 3) of the full control points among the object points, NaN for the others."""
     surveyed = surveyed_points(control, map_frame, frame)
     result = np.full((len(points), 3), np.nan)
-    row = places_of(surveyed.name, points)
-    kept = np.flatnonzero((row >= 0) & surveyed.complete & ~surveyed.is_check)
-    result[row[kept]] = surveyed.x_in_local[kept]
+    rows, place = surveyed.control_among(points)
+    full = surveyed.complete[rows]
+    result[place[full]] = surveyed.x_in_local[rows[full]]
     return result
 
 
 def _distances(distances: pd.DataFrame, points: tuple[str, ...]) -> tuple[Ints, Floats]:
     """Both ends (k, 2) of the control distances between object points, and their lengths (k,)."""
-    own, names = distances[distances["role"] == "control"], pd.Index(points)
-    ends = np.stack([names.get_indexer(pd.Index(own[name])) for name in ("point", "other_point")], axis=1)
-    kept = (ends >= 0).all(axis=1)
-    return ends[kept].astype(np.int64), own["distance_m"].to_numpy(np.float64)[kept]
+    own, ends = control_distances(distances, points)
+    return ends, own["distance_m"].to_numpy(np.float64)
 
 
 def _positions(own: pd.DataFrame, map_frame: MapFrame, frame: AdjustmentFrame) -> Floats:

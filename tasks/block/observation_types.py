@@ -107,11 +107,10 @@ def _body_rates(given: GivenOrientations, rows: Ints) -> BodyRates | None:
 def _control_points(observed: Observed) -> Iterator[ControlPoints]:
     """Control points that are object points of the block."""
     block, surveyed = observed.block, observed.surveyed
-    index = places_of(surveyed.name, block.points)
-    kept = np.flatnonzero((index >= 0) & ~surveyed.is_check & surveyed.present.any(axis=1))
+    kept, index = surveyed.control_among(block.points)
     if "control" in observed.settings.observe and len(kept):
         yield ControlPoints(
-            index[kept],
+            index,
             surveyed.x_in_local[kept],
             surveyed.height[kept],
             block.frame,

@@ -20,7 +20,7 @@ import pandas as pd
 from adjust.arrays import Floats
 from tasks.calibration.record import RecordedHeld
 from tasks.settings.calibration import HeldSigmas
-from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
+from tasks.tables.covariance import Key, correlation_pairs, correlation_table, covariance_of, sigmas_of
 
 _AXES = ("x", "y", "z")
 
@@ -71,7 +71,7 @@ def with_held(
     spread = np.sqrt(np.diagonal(covariance))
     return WithHeld(
         _with_sigmas(parameters, keys, spread, limit_of_t),
-        _correlations(keys, covariance, spread),
+        correlation_table(keys, covariance / np.outer(spread, spread)),
         tuple(
             RecordedHeld(
                 quantity=quantity,
@@ -99,19 +99,6 @@ def _with_sigmas(
     no_longer = (table["status"] == "significant") & (table["t"].abs() <= limit_of_t)
     table["status"] = table["status"].mask(no_longer, "not_significant")
     return table
-
-
-def _correlations(keys: list[Key], covariance: Floats, spread: Floats) -> pd.DataFrame:
-    first, second = np.triu_indices(len(keys), 1)
-    return pd.DataFrame(
-        {
-            "parameter_a": [keys[i][0] for i in first],
-            "entity_a": [keys[i][1] for i in first],
-            "parameter_b": [keys[i][0] for i in second],
-            "entity_b": [keys[i][1] for i in second],
-            "correlation": (covariance / np.outer(spread, spread))[first, second],
-        }
-    )
 
 
 def held_sigmas(stated: HeldSigmas, residuals: pd.DataFrame) -> dict[str, float]:

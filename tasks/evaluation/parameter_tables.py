@@ -17,6 +17,7 @@ from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
+from tasks.tables.covariance import correlation_table
 from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
 from tasks.tables.stage_table import write_stage_table
 
@@ -149,13 +150,6 @@ def write_parameters(
     table = parameter_table(adjusted, confidence, eliminated)
     write_stage_table(folder, PARAMETERS, table)
     names, correlations = _correlated(adjusted)
-    first, second = np.triu_indices(len(names), 1)
-    columns = {
-        "parameter_a": [names[i].name for i in first],
-        "entity_a": [names[i].entity for i in first],
-        "parameter_b": [names[i].name for i in second],
-        "entity_b": [names[i].entity for i in second],
-        "correlation": correlations[first, second],
-    }
-    write_stage_table(folder, CORRELATIONS, columns)
+    keys = [(item.name, item.entity) for item in names]
+    write_stage_table(folder, CORRELATIONS, correlation_table(keys, correlations))
     return table

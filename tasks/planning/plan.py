@@ -27,6 +27,7 @@ from tasks.errors import NotComputableError
 from tasks.first_run import announce_compilation
 from tasks.planning.request import PlanRequest
 from tasks.quantities import is_calibrated, reported
+from tasks.tables.covariance import correlation_table
 
 
 def expected_parameters(expected: APriori) -> pd.DataFrame:
@@ -60,17 +61,8 @@ def expected_parameters(expected: APriori) -> pd.DataFrame:
 
 def expected_correlations(expected: APriori) -> pd.DataFrame:
     """Every pair once, with the columns of correlations.parquet."""
-    names, correlation = expected.names, expected.correlation
-    first, second = np.triu_indices(len(names), 1)
-    return pd.DataFrame(
-        {
-            "parameter_a": [names[i][0] for i in first],
-            "entity_a": [names[i][1] for i in first],
-            "parameter_b": [names[i][0] for i in second],
-            "entity_b": [names[i][1] for i in second],
-            "correlation": correlation[first, second],
-        }
-    )
+    keys = [(parameter, entity) for parameter, entity, _ in expected.names]
+    return correlation_table(keys, expected.correlation)
 
 
 @dataclass(frozen=True, eq=False)

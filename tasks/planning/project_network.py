@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats, Ints
-from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM
 from adjust.planning.network import (
     PlannedControl,
     PlannedDistances,
@@ -14,32 +13,24 @@ from adjust.planning.network import (
     PlannedNetwork,
     PlannedRays,
 )
-from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET
-from tasks.block.approximation import USED
-from tasks.block.block_input import SurveyedPoints, image_point_observations, surveyed_points
-from tasks.block.exposure_events import exposure_events
+from tasks.block.assembled_block import BlockStart, DeliveredTables
+from tasks.block.block_input import (
+    SurveyedPoints,
+    control_distances,
+    image_point_observations,
+    stated_values,
+)
 from tasks.block.given_orientations import GivenOrientations
-from tasks.block.oriented_images import oriented_images
 from tasks.block.self_calibration import image_format_of
 from tasks.block.shared_readings import heads_of_reading
 from tasks.block.strip_motion import require_motion, strip_motion
 from tasks.coordinates.crs import MapFrame
-from tasks.coordinates.local_frame import local_from_map
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
 from tasks.settings.project import ProjectSettings
-from tasks.store.artifact import Artifact
-from tasks.tables.parquet import read_table
 
 
 def network_of_project(
-    *,
-    exposures: Artifact,
-    cameras: Artifact,
-    image_points: Artifact,
-    control_points: Artifact,
-    distances: Artifact,
-    approximate_points: Artifact,
-    approximate_orientations: Artifact,
+    delivered: DeliveredTables,
     project: ProjectSettings,
     adjustment: AdjustmentSettings,
     free: tuple[FreeParameter, ...] = (),
@@ -58,49 +49,27 @@ def network_of_project(
         If no image can be oriented, or strips or times are missing that free parameters or correlation times
         need.
     """
-    map_frame, measured = MapFrame.of(project.crs, project.heights), read_table(image_points)
-    approximate = read_table(approximate_points)
-    camera_table = read_table(cameras)
-    given, frame, _ = oriented_images(
-        read_table(exposures),
-        camera_table,
-        measured,
-        map_frame,
-        read_table(approximate_orientations),
-    )
-    start = approximate[approximate["status"] == USED]
-    x_in_local = local_from_map(map_frame, frame, start[["x_m", "y_m", "z_m"]].to_numpy(np.float64))
-    names = tuple(start["point"])
-    rays, _ = image_point_observations(measured, given.image, names, given.camera)
-    events = exposure_events(given)
-    rig, of_events = (None, given) if events is None else (events.rig, events.given)
-    require_motion(of_events, adjustment.model_copy(update={"free": free}))
-    surveyed = surveyed_points(read_table(control_points), map_frame, frame, near=approximate)
-    mountings = given.mountings
-    rows = camera_table.set_index("camera").loc[list(mountings.names)].reset_index().to_dict("records")
+    start = BlockStart.of(delivered, MapFrame.of(project.crs, project.heights))
+    given, names = start.given, start.points
+    rays, _ = image_point_observations(delivered.image_points, given.image, names, given.camera)
+    require_motion(start.events, adjustment.model_copy(update={"free": free}))
+    mountings, cameras = given.mountings, delivered.cameras.set_index("camera")
+    rows = cameras.loc[list(mountings.names)].reset_index().to_dict("records")
     turns = tuple(int(row["calibration_axes_deg"]) for row in rows)
-    interior = np.array([[camera.focal_length, *camera.principal_point] for camera in mountings.cameras])
     return PlannedNetwork(
-        frame,
+        start.frame,
         mountings.cameras,
         given.flights,
         given.strips,
-        _exposures(of_events, adjustment),
-        x_in_local,
+        _exposures(start.events, adjustment),
+        start.x_in_local,
         PlannedRays(rays.image, rays.point, rays.sigma),
-        _control(names, surveyed, "control" in adjustment.observe),
-        {
-            INTERIOR_ORIENTATION: interior,
-            BORESIGHT: mountings.boresight,
-            LEVER_ARM: mountings.lever_arm,
-            RELATIVE_POSITION: mountings.relative_position,
-            RELATIVE_ROTATION: mountings.relative_rotation,
-            SYNCHRONISATION_OFFSET: mountings.synchronisation_offset,
-        },
+        _control(names, start.surveyed, "control" in adjustment.observe),
+        stated_values(mountings),
         tuple(image_format_of(row, turn) for row, turn in zip(rows, turns, strict=True)),
         turns,
-        _distances(names, read_table(distances)),
-        rig,
+        _distances(names, delivered.distances),
+        start.rig,
     )
 
 
@@ -134,16 +103,12 @@ def _times(given: GivenOrientations, strip: Ints) -> Floats:
 
 
 def _distances(points: tuple[str, ...], table: pd.DataFrame) -> PlannedDistances | None:
-    own, names = table[table["role"] == "control"], pd.Index(points)
-    ends = np.stack([names.get_indexer(pd.Index(own[name])) for name in ("point", "other_point")])
-    kept = (ends >= 0).all(axis=0)
-    if not kept.any():
+    own, ends = control_distances(table, points)
+    if not len(own):
         return None
-    point, other = ends[:, kept].astype(np.int64)
-    return PlannedDistances(point, other, own["sigma_m"].to_numpy(np.float64)[kept])
+    return PlannedDistances(ends[:, 0], ends[:, 1], own["sigma_m"].to_numpy(np.float64))
 
 
 def _control(points: tuple[str, ...], surveyed: SurveyedPoints, observed: bool) -> PlannedControl:
-    index = pd.Index(points).get_indexer(pd.Index(surveyed.name)).astype(np.int64)
-    kept = np.flatnonzero((index >= 0) & ~surveyed.is_check & surveyed.present.any(axis=1) & observed)
-    return PlannedControl(index[kept], surveyed.covariance[kept], surveyed.present[kept])
+    kept, index = (part if observed else part[:0] for part in surveyed.control_among(points))
+    return PlannedControl(index, surveyed.covariance[kept], surveyed.present[kept])

@@ -25,6 +25,20 @@ def correlation_pairs(correlations: pd.DataFrame) -> Mapping[tuple[Key, Key], fl
     return dict(zip(pairs, correlations["correlation"].astype(float), strict=True))
 
 
+def correlation_table(keys: list[Key], correlation: Floats) -> pd.DataFrame:
+    """correlations.parquet of parameters with a correlation matrix (k, k): every pair once."""
+    first, second = np.triu_indices(len(keys), 1)
+    return pd.DataFrame(
+        {
+            "parameter_a": [keys[i][0] for i in first],
+            "entity_a": [keys[i][1] for i in first],
+            "parameter_b": [keys[i][0] for i in second],
+            "entity_b": [keys[i][1] for i in second],
+            "correlation": correlation[first, second],
+        }
+    )
+
+
 def sigmas_of(parameters: pd.DataFrame) -> Mapping[Key, float]:
     """Standard deviations of the estimated parameters of parameters.parquet, in their units."""
     own = parameters[parameters["sigma"].notna()]
