@@ -8,6 +8,7 @@ from typing import Literal
 
 import pandas as pd
 
+from tasks.document_kit.row_table import number_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
 from tasks.settings.published_sweep import PublishedTable
 
@@ -113,7 +114,7 @@ def _compared(
     return Table(name, caption, tuple(columns), tuple(rows))
 
 
-def scenario_key(row: pd.Series) -> str:
+def scenario_key(row: pd.Series | Mapping[str, object]) -> str:
     """The key of a scenario's row in the page."""
     return f"{row['block']}|{row['control']}|{row['variant']}"
 
@@ -122,47 +123,38 @@ def residual_table(results: SweepResults, block: str) -> Table:
     """What remains in the images of a sub-block, by variant, with the first choice of control points."""
     scenarios = results.of_block(block)
     first = scenarios[scenarios["control"] == scenarios["control"].iloc[0]]
-    columns = (
-        text_column("variant", "variant"),
-        Column("image_rms_x_um", "RMS of residuals x", "µm"),
-        Column("image_rms_y_um", "y", "µm"),
-        Column("cells", "sub-areas with a mean"),
-        Column("cells_significant", "of them significant"),
-        Column("cells_by_chance", "expected by chance"),
-        Column("systematic_x_um", "systematic part x", "µm"),
-        Column("systematic_y_um", "y", "µm"),
-    )
-    decimals = (3, 3, 0, 0, 0, 3, 3)
-    rows = []
-    for _, row in first.iterrows():
-        values = [float(row[column.name]) for column in columns[1:]]
-        cells = [Number(value, digits) for value, digits in zip(values, decimals, strict=True)]
-        rows.append(Row(scenario_key(row), (str(row["variant"]), *cells)))
     caption = f"{block}: what remains in the images (control: {first['control'].iloc[0]})"
     note = "Systematic part: RMS of the mean residuals, corrected for chance."
-    return Table(f"residuals-{results.blocks.index(block)}", caption, columns, tuple(rows), note)
+    name = f"residuals-{results.blocks.index(block)}"
+    return table_of(name, caption, _RESIDUALS, first, scenario_key, note)
+
+
+_RESIDUALS = (
+    text_of("variant", "variant"),
+    number_of("image_rms_x_um", "RMS of residuals x", "µm", 3),
+    number_of("image_rms_y_um", "y", "µm", 3),
+    number_of("cells", "sub-areas with a mean"),
+    number_of("cells_significant", "of them significant"),
+    number_of("cells_by_chance", "expected by chance"),
+    number_of("systematic_x_um", "systematic part x", "µm", 3),
+    number_of("systematic_y_um", "y", "µm", 3),
+)
 
 
 def block_table(results: SweepResults) -> Table:
     """What the sub-blocks consist of, by the first scenario of each."""
-    columns = (
-        text_column("block", "sub-block"),
-        Column("images", "images"),
-        Column("object_points", "object points"),
-        Column("image_points", "image points"),
-        Column("redundancy", "redundancy"),
-        Column("gsd_m", "GSD, median", "m"),
+    shown = (
+        text_of("block", "sub-block"),
+        number_of("images", "images"),
+        number_of("object_points", "object points"),
+        number_of("image_points", "image points"),
+        number_of("redundancy", "redundancy"),
+        number_of("gsd_m", "GSD, median", "m", 3),
     )
-    decimals = (0, 0, 0, 0, 3)
-    rows = []
-    for block in results.blocks:
-        scenarios = results.of_block(block)
-        if len(scenarios):
-            values = [float(scenarios.iloc[0][column.name]) for column in columns[1:]]
-            cells = [Number(value, digits) for value, digits in zip(values, decimals, strict=True)]
-            rows.append(Row(block, (block, *cells)))
+    computed = (results.of_block(block) for block in results.blocks)
+    first = [scenarios.iloc[0].to_dict() for scenarios in computed if len(scenarios)]
     note = "Numbers of the first scenario of each sub-block."
-    return Table("blocks", "Sub-blocks", columns, tuple(rows), note)
+    return table_of("blocks", "Sub-blocks", shown, first, "{block}", note)
 
 
 def variant_table(results: SweepResults) -> Table:

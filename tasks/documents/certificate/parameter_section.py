@@ -13,7 +13,8 @@ import numpy as np
 from adjust.camera.interior import nominal_mounting
 from adjust.geometry import rotation
 from adjust.parameters import BORESIGHT, FAMILIES, GNSS_SHIFT, INTERIOR_ORIENTATION, TIME_OFFSET
-from tasks.calibration.record import CalibratedParameter
+from tasks.calibration.record import CalibratedParameter, RecordedHeld
+from tasks.document_kit.row_table import number_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.certificate import quantities
 from tasks.documents.certificate.additional_parameters import additional_blocks, distorting_sets
@@ -72,28 +73,26 @@ def parameter_section(material: CertificateMaterial) -> Section:
 def held_table(material: CertificateMaterial) -> Table:
     """What was held, how well it is known, and the σ in which its share is largest."""
     columns = (
-        text_column("quantity", "held"),
-        Column("sigma", "declared σ"),
-        text_column("unit", "unit"),
-        text_column("moves", "largest contribution to the σ of"),
-        Column("part", "part", "%"),
+        text_of("quantity", "held", lambda item: entity_words(item.quantity, item.entity)),
+        number_of("sigma", "declared σ", decimals=lambda item: decimals_for(_sigma(item)), of=_sigma),
+        text_of("unit", "unit", lambda item: shown(item.unit).unit),
+        text_of(
+            "moves",
+            "largest contribution to the σ of",
+            lambda item: entity_words(item.moves, item.moves_entity),
+        ),
+        number_of("part", "part", "%", factor=100.0),
     )
-    rows = []
-    for item in material.record.held:
-        unit, factor, _ = shown(item.unit)
-        cells: tuple[Cell, ...] = (
-            entity_words(item.quantity, item.entity),
-            Number(item.sigma * factor, decimals_for(item.sigma * factor)),
-            unit,
-            entity_words(item.moves, item.moves_entity),
-            Number(100.0 * item.part, 0),
-        )
-        rows.append(Row(f"{item.quantity}@{item.entity}", cells))
     note = (
         f"{AXES_NOTE} Contributions add up in squares. How well each value is known is declared in the "
         "project, not a result."
     )
-    return Table("held-quantities", "Parameters held fixed, included in every σ", columns, tuple(rows), note)
+    caption, held = "Parameters held fixed, included in every σ", material.record.held
+    return table_of("held-quantities", caption, columns, held, "{quantity}@{entity}", note)
+
+
+def _sigma(item: RecordedHeld) -> float:
+    return item.sigma * shown(item.unit).factor
 
 
 def _caption(family: str, material: CertificateMaterial) -> str:
