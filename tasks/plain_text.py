@@ -9,6 +9,8 @@ them as such.
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
+from itertools import islice
 from typing import TypeAlias
 
 from tasks.magnitude import trouble_in_number
@@ -64,6 +66,12 @@ def quoted(text: str) -> str:
     """A name as a message shows it: in quotes, short, every character visible."""
     short = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
     return f"'{visible(short)}'"
+
+
+def some_of(names: Collection[object], most: int = 5) -> str:
+    """The first names, with … for the others."""
+    shown = ", ".join(str(name) for name in islice(names, most))
+    return f"{shown}, …" if len(names) > most else shown
 
 
 def visible(text: str, longest: int = 2_000) -> str:

@@ -20,6 +20,7 @@ from tasks.files.delivered_file import is_there, trouble_of_folder
 from tasks.files.installation import InstallationError, writing_into
 from tasks.object_storage.address import ObjectAddress, output_place
 from tasks.object_storage.connection import local_folder
+from tasks.plain_text import some_of
 from tasks.production.run_record import State
 from tasks.results.own_files import foreign_document
 from tasks.results.summary import Status, Summary, failed_summary, write_summary
@@ -251,10 +252,9 @@ def _say_what_is_between_results(request: RunRequest, read: object) -> None:
         path.name for path in (request.project_file, *input_files(read)) if path.resolve().parent == there
     }
     if files:
-        listed = ", ".join(sorted(files)[:_LISTED]) + (", …" if len(files) > _LISTED else "")
         _log.warning(
             "the output folder %s is one of the delivery (%s): results will lie between delivered files; "
-            "--out names another one", request.directory, listed,
+            "--out names another one", request.directory, some_of(sorted(files), _LISTED),
         )  # fmt: skip
 
 

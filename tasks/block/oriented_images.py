@@ -22,6 +22,7 @@ from tasks.block.given_orientations import GivenOrientations, Mountings, of_anot
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_frame
 from tasks.errors import InputError
+from tasks.plain_text import some_of
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.tables.number_columns import numbers_of
 from tasks.tables.places import distinct, places_of
@@ -172,7 +173,7 @@ def _nothing_oriented(own: pd.DataFrame, measured: pd.DataFrame) -> tuple[str, s
     images = measured.groupby("point")["image"].nunique()
     return (
         f"None of the {len(own):,} measured images has an orientation ({', '.join(lacking)}; "
-        f"{', '.join(own['image'].iloc[:5])}{', …' if len(own) > 5 else ''}), and their image points do "
+        f"{some_of(own['image'])}), and their image points do "
         f"not determine one: {int((images >= 2).sum()):,} points are measured in several images.",
         "Measure at least 8 points common to two images, and 6 points common to every further image and "
         "the others; or give positions and ω, φ, κ (or heading, pitch, roll), or positions of named "

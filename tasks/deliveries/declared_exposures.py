@@ -19,12 +19,12 @@ from tasks.errors import Location
 from tasks.formats.records import ExposureRecords
 from tasks.formats.trajectory_records import SOLUTIONS
 from tasks.nearest_name import did_you_mean
+from tasks.plain_text import some_of
 from tasks.settings.inputs import DeliveredFlight, ExposuresInput
 
 #: Exposures within this time are of one moment, s: signals of several heads.
 ONE_MOMENT_S = 1e-3
 # Names that a message lists.
-_EXAMPLES = 5
 
 
 def with_declared_solutions(records: ExposureRecords, source: ExposuresInput) -> ExposureRecords:
@@ -64,10 +64,7 @@ def with_declared_solutions(records: ExposureRecords, source: ExposuresInput) ->
 
 
 def _listed(image: pa.Array, rows: np.typing.NDArray[np.integer], solution: str) -> str:
-    names = ", ".join(str(image[int(row)]) for row in rows[:_EXAMPLES])
-    return (
-        f"{len(rows):,} positions of {solution} solutions ({names}{', …' if len(rows) > _EXAMPLES else ''})"
-    )
+    return f"{len(rows):,} positions of {solution} solutions ({some_of(image.take(pa.array(rows)))})"
 
 
 def _undeclared(solution: str, sigma: np.typing.NDArray[np.float64]) -> str:

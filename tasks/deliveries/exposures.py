@@ -41,13 +41,13 @@ from tasks.deliveries.trajectory_path import TrajectoryPath
 from tasks.formats.records import ExposureRecords
 from tasks.formats.register import TRAJECTORY_FORMATS, read_exposures
 from tasks.nearest_name import did_you_mean
+from tasks.plain_text import some_of
 from tasks.settings.inputs import ExposuresInput
 from tasks.store.notes import Notes
 
 ExposureColumns: TypeAlias = tuple[Mapping[str, Any], Mapping[str, pa.Array], Notes, Sequence[TrajectoryPath]]
 
 # Names that a message lists.
-_EXAMPLES = 5
 # A datum change worse than this may show in the result and is said.
 _NOTABLE_ACCURACY_M = 0.05
 # From a thousandth of a second of arc to half a turn.
@@ -265,10 +265,9 @@ def _without_position(records: ExposureRecords) -> str | None:
     missing = np.flatnonzero(np.isnan(records.position).all(axis=1))
     if len(missing) == 0:
         return None
-    names = ", ".join(str(records.image[int(row)]) for row in missing[:_EXAMPLES])
     return (
         f"{records.file.name}: {len(missing):,} exposures have no position "
-        f"({names}{', …' if len(missing) > _EXAMPLES else ''}). Approximate positions are computed from "
+        f"({some_of(records.image.take(pa.array(missing)))}). Approximate positions are computed from "
         "the image points, without GNSS observations."
     )
 

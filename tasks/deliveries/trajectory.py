@@ -24,13 +24,13 @@ from tasks.formats.earth_poses import WGS84, in_degrees
 from tasks.formats.records import ExposureRecords
 from tasks.formats.register import ACCURACY_FORMATS, TRAJECTORY_FORMATS, read_events
 from tasks.formats.trajectory_records import SOLUTIONS, Clock, EventRecords, TrajectoryRecords
+from tasks.plain_text import some_of
 from tasks.settings.inputs import ExposuresInput
 from tasks.settings.trajectory import CLOCKS, ClockName, EventsInput
 
 # Intervals of the median that are still none between two samples.
 _GAP_FACTOR = 2.5
 # Names that a message lists.
-_EXAMPLES = 5
 # A sample that is so many times farther off than four of five, and than its σ, does not belong to the others.
 _OUTLIER, _USUAL, _OUTLIER_SIGMAS, _OUTLIER_M = 5.0, 0.8, 5.0, 0.05
 # The error is of the fourth order: over twice the interval it is so many times as large.
@@ -269,8 +269,8 @@ def _about_outside(events: EventRecords, found: _Found) -> list[str]:
         return []
     row = int(outside[0])
     return [
-        f"{len(outside):,} events are excluded, as declared ({_named(events.image, outside)}). "
-        f"The first: {found.trouble[row]}"
+        f"{len(outside):,} events are excluded, as declared "
+        f"({some_of(events.image.take(pa.array(outside)))}). The first: {found.trouble[row]}"
     ]
 
 
@@ -307,7 +307,7 @@ def _about_motion(exposures: ExposureRecords, rows: Ints, metres: Floats) -> lis
         return []
     return [
         f"a sixteenth of this, the interpolation error, exceeds the σ of {len(rough):,} events "
-        f"({_named(exposures.image, rough)}): the samples are too far apart for this motion."
+        f"({some_of(exposures.image.take(pa.array(rough)))}): the samples are too far apart for this motion."
     ]
 
 
@@ -325,11 +325,6 @@ def _about_outliers(image: pa.Array, rows: Ints, metres: Floats) -> list[str]:
         return []
     return [
         f"{len(rows):,} events lie near samples that are inconsistent with their neighbours "
-        f"({_named(image, rows)}; up to {np.nanmax(metres):.3g} m): outliers of the trajectory, or gaps that "
-        "it does not show."
+        f"({some_of(image.take(pa.array(rows)))}; up to {np.nanmax(metres):.3g} m): outliers of the "
+        "trajectory, or gaps that it does not show."
     ]
-
-
-def _named(image: pa.Array, rows: Ints) -> str:
-    names = ", ".join(str(image[int(row)]) for row in rows[:_EXAMPLES])
-    return names + (", …" if len(rows) > _EXAMPLES else "")

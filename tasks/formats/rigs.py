@@ -17,6 +17,7 @@ from adjust.arrays import Floats
 from adjust.geometry.rotation import log
 from tasks.errors import Location
 from tasks.formats.records import ExposureRecords, HeadRecord
+from tasks.plain_text import some_of
 
 # Images that are further from where their event and head place them are not of a rigid rig: metres, radians.
 _RIGID_M, _RIGID = 0.01, 1e-4
@@ -227,5 +228,4 @@ def _related(reference: str, mounted: Mapping[str, tuple[Floats, Floats]]) -> di
 
 
 def _not_used(heads: Sequence[str], why: str) -> str:
-    listed = f"{', '.join(heads[:_MOST_LISTED])}{', …' if len(heads) > _MOST_LISTED else ''}"
-    return f"The heads {listed} are read as single cameras: {why}."
+    return f"The heads {some_of(heads, _MOST_LISTED)} are read as single cameras: {why}."

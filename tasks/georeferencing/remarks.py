@@ -10,9 +10,9 @@ from tasks.georeferencing.calibration import Calibration
 from tasks.georeferencing.difference_statistics import CONFIDENCE
 from tasks.georeferencing.directly_oriented import DirectlyOriented
 from tasks.georeferencing.shared_observations import SharedExposures
+from tasks.plain_text import some_of
 
 _WAYS = ("east", "north", "up")
-_SHOWN = 5
 # A mean beyond this many of its standard deviations cannot be due to chance.
 _SYSTEMATIC = 3.3
 _POOR = {
@@ -131,12 +131,12 @@ def coverage_remarks(
     if oriented.not_oriented:
         yield (
             f"Measured images without position or attitude are not used ({len(oriented.not_oriented)}): "
-            f"{_listed(oriented.not_oriented)}."
+            f"{some_of(oriented.not_oriented)}."
         )
     if not_intersected:
         yield (
             "Surveyed points that cannot be intersected (fewer than two rays, or rays nearly parallel) "
-            f"are not used ({len(not_intersected)}): {_listed(not_intersected)}."
+            f"are not used ({len(not_intersected)}): {some_of(not_intersected)}."
         )
     if not has_models:
         yield (
@@ -163,10 +163,6 @@ def point_remarks(independent: int, control: int, *, is_known: bool) -> Iterator
         )
     if independent == 0:
         yield "There is no independent check point: the accuracy of direct georeferencing was not tested."
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
 
 
 def _number(value: JSON, index: int | None = None) -> float | None:

@@ -20,7 +20,7 @@ from tasks.formats.crs_definition import known_crs
 from tasks.formats.register import CAMERA_FORMATS, read_exposures
 from tasks.formats.table_layout import TableLayout
 from tasks.formats.text_table import read_bytes
-from tasks.plain_text import quoted
+from tasks.plain_text import quoted, some_of
 
 _OPF = re.compile(r"application/opf-([a-z-]+)\+json")
 _PACK = "give the folder of the project as one zip file"
@@ -185,7 +185,7 @@ def _table(beginning: bytes) -> str | None:
     fields = [field.strip(" \"'#") for field in re.split(r"[,;\t|]", line)]
     if len(fields) < 3 or any(re.fullmatch(r"[-+.\d]*", field) for field in fields):
         return None
-    shown = ", ".join(fields[:_MOST_HEADINGS]) + (", …" if len(fields) > _MOST_HEADINGS else "")
+    shown = some_of(fields, _MOST_HEADINGS)
     if any(map(_FOCAL.search, fields)) and any(map(_PIXEL.search, fields)):
         return (
             f'a table of cameras ({shown}): [cameras.NAME] reads it with format = "csv" and table = {{ '

@@ -12,6 +12,7 @@ from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.errors import InputError
+from tasks.plain_text import some_of
 from tasks.plausibility.declared_accuracy import ExpectedIntersections
 from tasks.tables.places import places_of
 
@@ -117,7 +118,7 @@ def check_control(
     worst = differences.point.index(names[0])
     known = zip(("east", "north", "up"), differences.enu[worst], strict=True)
     off = ", ".join(f"{axis} {value:+,.1f} m" for axis, value in known if np.isfinite(value))
-    listed = f" ({len(names)} such points: {', '.join(names[:5])}{', …' if len(names) > 5 else ''})"
+    listed = f" ({len(names)} such points: {some_of(names)})"
     found = (
         f"The {int(differences.rays[worst])} rays intersect {distance[worst]:,.1f} m from the given position "
         f"({off}){listed if len(names) > 1 else ''}; more than {limit_m:g} m is an error."

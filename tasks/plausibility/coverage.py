@@ -11,6 +11,7 @@ import pandas as pd
 from tasks.deliveries.image_points import without_image_points
 from tasks.formats.meanings import IMAGE_POINT_MEANINGS
 from tasks.nearest_name import look_alike, plain
+from tasks.plain_text import some_of
 from tasks.plausibility.mistake import Mistake
 
 _MOST_NAMES = 8
@@ -24,7 +25,7 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
     if len(without):
         yield Mistake(
             without_image_points(len(without), len(exposures)),
-            (_named(without),),
+            (some_of(without, _MOST_NAMES),),
             "Deliver their image points, or leave the exposures out.",
         )
     groups = _groups(measured, images)
@@ -33,7 +34,7 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
     if len(alone):
         yield Mistake(
             f"{len(alone):,} images have no points in common with the other {int(sizes.iloc[0]):,}: "
-            f"{_named(alone)}.",
+            f"{some_of(alone, _MOST_NAMES)}.",
             (f"the block consists of {len(sizes)} parts, {_without_control(groups, measured, control)}",),
             "Measure tie points between them and the others, or leave them out.",
         )
@@ -42,7 +43,7 @@ def uncovered(exposures: pd.DataFrame, measured: pd.DataFrame, control: pd.DataF
     if len(lost):
         yield Mistake(
             f"{len(lost):,} of {len(surveyed):,} control and check points are not measured in any image: "
-            f"{_named(lost)}.{spelled_otherwise(list(lost), list(measured['point'].unique()))}",
+            f"{some_of(lost, _MOST_NAMES)}.{spelled_otherwise(list(lost), list(measured['point'].unique()))}",
             (),
             "Measure them, or check that both files use the same names.",
         )
@@ -86,11 +87,6 @@ def _groups(measured: pd.DataFrame, images: pd.Index) -> pd.Series:
     size = len(images) + len(points)
     links = coo_array((np.ones(len(image)), (image, len(images) + point)), shape=(size, size))
     return pd.Series(connected_components(links, directed=False)[1][: len(images)], index=images)
-
-
-def _named(names: pd.Series | pd.Index) -> str:
-    listed = ", ".join(map(str, names[:_MOST_NAMES]))
-    return f"{listed}, …" if len(names) > _MOST_NAMES else listed
 
 
 def other_pixel_origins(formats: Mapping[str, str], origins: Mapping[str, str]) -> Iterator[Mistake]:

@@ -7,11 +7,11 @@ import pandas as pd
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
+from tasks.plain_text import some_of
 from tasks.tables.places import places_of
 
 # Approximate object points give distances to some percent; a wrong unit or a wrong point is further off.
 _LIKELY = (0.5, 2.0)
-_MOST_NAMES = 5
 
 
 def check_distances(distances: pd.DataFrame, points: tuple[str, ...], x_in_local: Floats) -> list[str]:
@@ -40,10 +40,9 @@ def check_distances(distances: pd.DataFrame, points: tuple[str, ...], x_in_local
                 for name in distances[side][~has]
             }
         )
-        listed = ", ".join(missing[:_MOST_NAMES]) + (", …" if len(missing) > _MOST_NAMES else "")
         problems.append(
-            f"{int((~usable).sum())} distances are not used: {listed} are not measured in two images, or "
-            "their rays do not intersect."
+            f"{int((~usable).sum())} distances are not used: {some_of(missing)} are not measured in two "
+            "images, or their rays do not intersect."
         )
     if usable.any():
         between = x_in_local[ends[0][usable]] - x_in_local[ends[1][usable]]

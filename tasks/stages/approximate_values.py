@@ -34,6 +34,7 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame
 from tasks.files.json_text import JSON
 from tasks.first_run import announce_compilation
+from tasks.plain_text import some_of
 from tasks.plausibility.control import ControlDifferences, check_control, control_differences
 from tasks.plausibility.coverage import spelled_otherwise
 from tasks.plausibility.declared_accuracy import expected_intersections, tie_limits
@@ -221,9 +222,8 @@ def _intersections(found: Approximation) -> Floats:
 
 
 def _unoriented(images: tuple[str, ...]) -> str:
-    listed = ", ".join(images[:5]) + (", …" if len(images) > 5 else "")
     return (
-        f"{len(images)} images cannot be oriented and are not used: {listed}. They have no complete "
+        f"{len(images)} images cannot be oriented and are not used: {some_of(images)}. They have no complete "
         "orientation, are alone in their strip or in none, and have too few image points in common with the "
         "others (6 are needed, well spread): measure more, or give their positions and attitudes."
     )
@@ -244,8 +244,7 @@ def _dropped(found: Approximation) -> list[str]:
     for status, words in sentences.items():
         index = np.flatnonzero(found.status == status)
         if len(index):
-            named = ", ".join(found.point[i] for i in index[:3])
-            result.append(f"{len(index):,} {words} ({named}{', …' if len(index) > 3 else ''}).")
+            result.append(f"{len(index):,} {words} ({some_of([found.point[i] for i in index], 3)}).")
     return result
 
 
@@ -259,10 +258,9 @@ def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> tuple[list[st
     if not missing:
         return [], False
     otherwise = spelled_otherwise(missing, found.point)
-    listed = ", ".join(missing[:5]) + (", …" if len(missing) > 5 else "")
     sentence = (
         f"{len(missing)} of {len(surveyed.name)} control and check points are not measured in any image and "
-        f"are not used: {listed}.{otherwise}"
+        f"are not used: {some_of(missing)}.{otherwise}"
     )
     return [sentence], bool(otherwise) or len(missing) == len(surveyed.name)
 
