@@ -19,8 +19,6 @@ from tasks.formats.long_columns import LongRows, table_of
 from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     LOCAL,
-    degrees_of_rotations,
-    exposures_of,
     image_points_of,
     names_of_numbers,
     numbers_of,
@@ -47,8 +45,7 @@ def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
             images.append(str(number), lens[3:12], lens[12:], line=3 + 5 * number)
     world_from_camera = np.swapaxes(images["rotation"], 1, 2)
     centre = -np.einsum("nij,nj->ni", world_from_camera, images["shift"])
-    angles = degrees_of_rotations(path, world_from_camera, images.names, images.line)
-    return exposures_of(path, images.names, centre, angles, images.line, unit="deg", states=LOCAL)
+    return images.exposures(path, LOCAL, position=centre, rotation=world_from_camera)
 
 
 def read_bundler_image_points(path: Path) -> ImagePointRecords:

@@ -29,8 +29,6 @@ from tasks.formats.long_columns import LongRows
 from tasks.formats.plain_records import (
     CV_AXES,
     LOCAL,
-    degrees_of_rotations,
-    exposures_of,
     image_points_of,
     names_of_numbers,
     number_of,
@@ -89,14 +87,13 @@ def read_colmap_exposures(
     for one in _images(path):
         numbers.append(one.number)
         rows.append(one.name, one.pose[:4], one.pose[4:], text=sys.intern(one.camera), line=one.line)
-    name, cameras, line = rows.names, rows.texts, rows.line
-    world_from_camera = np.swapaxes(rotations_of_quaternions(path, rows["quaternion"], name, line), 1, 2)
+    name = rows.names
+    world_from_camera = np.swapaxes(rotations_of_quaternions(path, rows["quaternion"], name, rows.line), 1, 2)
     centre = -np.einsum("nij,nj->ni", world_from_camera, rows["shift"])
-    angles = degrees_of_rotations(path, world_from_camera @ CV_AXES, name, line)
-    records = exposures_of(path, name, centre, angles, line, camera=cameras, unit="deg", states=LOCAL)
+    records = rows.exposures(path, LOCAL, position=centre, rotation=world_from_camera @ CV_AXES)
     if rigs is None:
         return records
-    of_images = {image: camera or "" for image, camera in zip(name, cameras, strict=True)}
+    of_images = {image: camera or "" for image, camera in zip(name, rows.texts, strict=True)}
     events = colmap_events(rigs[1], dict(zip(numbers, name, strict=True)), of_images)
     found = rigs_of(rigs[1], colmap_heads(rigs[0]), events, set(name))
     return with_rigs(records, found, centre, world_from_camera)

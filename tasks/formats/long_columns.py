@@ -19,6 +19,8 @@ from tasks.formats.plain_records import control_of, degrees_of_rotations, exposu
 from tasks.formats.records import ControlRecords, ExposureRecords, FileStatement, ImagePointRecords
 
 _SHAPES = {"rotation": (3, 3), "transform": (4, 4), "quaternion": (4,)}
+# Parts that position and rotation are computed from.
+_POSES = ("transform", "quaternion", "shift")
 # Names that are looked up together.
 _MANY = 100_000
 
@@ -103,6 +105,8 @@ class LongRows:
     ) -> ExposureRecords:
         """All rows as exposures, with angles instead of rotations ground from camera.
 
+        Transforms, quaternions and shifts are left out.
+
         Parameters
         ----------
         parts : those that replace the ones that were read, or are added to them.
@@ -112,7 +116,7 @@ class LongRows:
         InputError
             As of `exposures_of` and `degrees_of_rotations`.
         """
-        known: dict[str, Any] = {part: self[part] for part in self._numbers} | parts
+        known: dict[str, Any] = {part: self[part] for part in self._numbers if part not in _POSES} | parts
         if "rotation" in known:
             unit = "deg"
             known["angles"] = degrees_of_rotations(path, known.pop("rotation"), self.names, self.line)

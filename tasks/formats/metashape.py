@@ -116,10 +116,7 @@ def read_metashape_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:
             degrees_of_rotations(path, rotation, image, rows.line)
             centre, rotation = geographic_poses(centre, rotation)
             states = GEOGRAPHIC
-    angles = degrees_of_rotations(path, rotation, image, rows.line)
-    records = exposures_of(
-        path, image, centre, angles, rows.line, camera=rows.texts, unit="deg", states=states
-    )
+    records = rows.exposures(path, states, position=centre, rotation=rotation)
     if not (found.heads or found.remarks):
         return records
     return with_rigs(records, found, max(scales) * matrix[:, :3, 3], matrix[:, :3, :3])
