@@ -21,6 +21,7 @@ Coordinates and angles are of the CRS and the grid that the export was made in.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from array import array
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,7 +31,7 @@ import numpy as np
 from adjust.arrays import Floats
 from tasks.errors import Location
 from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
-from tasks.formats.long_columns import LongPoints, LongRows
+from tasks.formats.long_columns import LongPoints, LongRows, table_of
 from tasks.formats.metashape_rigs import MetashapeRigs, transform_of
 from tasks.formats.named_entries import ImagesByName
 from tasks.formats.plain_lines import numbered_lines
@@ -38,7 +39,6 @@ from tasks.formats.plain_records import (
     CV_AXES,
     LOCAL,
     degrees_of_rotations,
-    exposures_of,
     number_of,
     numbers_of,
 )
@@ -286,6 +286,8 @@ def read_metashape_measurements(path: Path) -> ImagePointRecords:
 
 # Both are printed with six decimals and more.
 _SAME_DEG = 1e-3
+# Elements of rotations that are compared together: all at once take more memory than the file.
+_TOGETHER = 9 * 10_000
 
 
 def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
@@ -296,21 +298,30 @@ def read_metashape_opk(path: Path, _order: AngleOrder) -> ExposureRecords:
     InputError
         With file and line: fields missing, angles that are not those of the rotation next to them.
     """
-    rows = LongRows("position", "angles", "rotation")
+    rows, rotations = LongRows("position", "angles"), array("d")
     for number, line in numbered_lines(path):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         fields = line.split("\t") if "\t" in line else line.split()
         found = numbers_of(path, fields[1:], 15, number, "X, Y, Z, ω, φ, κ and nine elements")
-        rows.append(fields[0].strip(), found[:3], found[3:6], found[6:], line=number)
-    angles = degrees_of_rotations(path, np.swapaxes(rows["rotation"], 1, 2), rows.names, rows.line)
-    away = np.abs((angles - rows["angles"] + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
+        rows.append(fields[0].strip(), found[:3], found[3:6], line=number)
+        rotations.extend(found[6:])
+        if len(rotations) == _TOGETHER:
+            _refuse_other_angles(path, rotations, rows)
+            rotations = array("d")
+    _refuse_other_angles(path, rotations, rows)
+    return rows.exposures(path, FileStatement(order="omega-phi-kappa"), unit="deg")
+
+
+def _refuse_other_angles(path: Path, rotations: array[float], rows: LongRows) -> None:
+    """Compare the last rows with the rotations beside them."""
+    first = len(rows.names) - len(rotations) // 9
+    rotation = table_of(rotations, 9).reshape(-1, 3, 3).transpose(0, 2, 1)
+    angles = degrees_of_rotations(path, rotation, rows.names[first:], rows.line[first:])
+    away = np.abs((angles - rows["angles"][first:] + 180.0) % 360.0 - 180.0).max(axis=1, initial=0.0)
     if (away > _SAME_DEG).any():
         row = int(np.argmax(away))
-        raise Location(path, rows.line[row], rows.names[row]).error(
+        raise Location(path, rows.line[first + row], rows.names[first + row]).error(
             f"Omega, phi, kappa differ by {away[row]:.3g}° from the rotation next to them.",
             "Export the orientations again, as OPK.",
         )
-    states = FileStatement(order="omega-phi-kappa")
-    names, at = rows.names, rows.line
-    return exposures_of(path, names, rows["position"], rows["angles"], at, unit="deg", states=states)
