@@ -256,7 +256,7 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
         _joint_cofactor(adjusted, options.joint_points),
         times,
         _free_network(adjusted),
-        search.unlocated,
+        search.inseparable,
     )
 
 

@@ -34,7 +34,7 @@ class Search:
     given_up : (m,) object points that are, with all that belongs to them.
     returned : for each group (n,), and (m,), what has come back once.
     per_pass : how many observations each pass rejected.
-    unlocated : indices of control points one of which is wrong, and it cannot be determined which.
+    inseparable : indices of control points one of which is wrong, and it cannot be determined which.
     """
 
     given: Observations
@@ -44,7 +44,7 @@ class Search:
     returned: tuple[Bools, ...]
     returned_points: Bools
     per_pass: tuple[int, ...] = ()
-    unlocated: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    inseparable: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @classmethod
     def start(cls, given: Observations, adjusted: Adjusted, rejected: Rejection | None = None) -> Search:
@@ -149,7 +149,7 @@ def snoop(
             if robust is None
             else robust_rejection(adjuster, search.adjusted, robust, rule)
         )
-        search = replace(search, unlocated=found.unlocated)
+        search = replace(search, inseparable=found.inseparable)
         if found.count == 0 and robust is not None:
             robust = None  # from here on nothing is weighted down any more
             continue

@@ -163,7 +163,7 @@ class AdjustmentResult:
     reweighted : number of adjustments with changed weights.
     given_up : indices of object points that were removed because it cannot be determined which of their
         observations is wrong, or because too few are left.
-    unlocated : indices of control points one of which is wrong; it cannot be determined which, and none was
+    inseparable : indices of control points one of which is wrong; it cannot be determined which, and none was
         rejected.
     taken_back : number of rejected observations that were restored because they fit in the end.
     left_out_singly : each control point predicted by an adjustment without it; None without control points.
@@ -196,7 +196,7 @@ class AdjustmentResult:
     joint_cofactor: JointCofactor | None = None
     correlation_times: tuple[CorrelationTime, ...] = ()
     free_network: FreeNetwork | None = None
-    unlocated: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    inseparable: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def observations(self) -> Observations:

@@ -80,12 +80,12 @@ class Rejection:
     ----------
     rejected : for each group (n,) true for its rejected observations.
     given_up : (m,) object points taken out with all that belongs to them.
-    unlocated : indices of control points one of which is wrong, and it cannot be determined which.
+    inseparable : indices of control points one of which is wrong, and it cannot be determined which.
     """
 
     rejected: tuple[Bools, ...]
     given_up: Bools
-    unlocated: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    inseparable: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @classmethod
     def nothing(cls, observations: Observations, points: int) -> Rejection:

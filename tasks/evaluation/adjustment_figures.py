@@ -70,7 +70,7 @@ def adjustment_figures(
         "rejected_per_pass": list(result.rejected_per_pass),
         "taken_back": result.taken_back,
         "given_up_points": [adjusted.block.points[point] for point in result.given_up],
-        "unlocated_control": [adjusted.block.points[point] for point in result.unlocated],
+        "inseparable_control": [adjusted.block.points[point] for point in result.inseparable],
         "sigma_scaled_by": adjusted.sigma0,
         "rejected_control": list(rejected_control(adjusted)),
         "uncontrolled_control": list(uncontrolled_control(adjusted)),

@@ -119,7 +119,7 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
                 f"wrong one of {'its' if len(names) == 1 else 'their'} image points cannot be identified: "
                 f"{some_names(names)}."
             )
-    if names := figures.unlocated_control:
+    if names := figures.inseparable_control:
         yield (
             f"Control points contradict each other, and it cannot be determined which of {some_names(names)} "
             "is wrong: an error of one explains what the others contradict. None of them was rejected, so "

@@ -405,7 +405,7 @@ class AdjustmentFigures(Figure):
     rejected_per_pass: tuple[int, ...] = ()
     taken_back: int = 0
     given_up_points: tuple[str, ...] = ()
-    unlocated_control: tuple[str, ...] = ()
+    inseparable_control: tuple[str, ...] = ()
     rejected_control: tuple[str, ...] = ()
     uncontrolled_control: tuple[str, ...] = ()
     sigma_scaled_by: float | None = None

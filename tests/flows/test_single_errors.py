@@ -362,7 +362,7 @@ def test_of_control_heights_that_cannot_be_told_from_each_other_none_is_rejected
     found = adjusted_with(project, out, mistake, ON_CONTROL, BY_DEFAULT)
     summary = json.loads((found.directory / "summary.json").read_text())
     assert summary["rejected_control"] == []
-    assert set(summary["unlocated_control"]) == suspects
+    assert set(summary["inseparable_control"]) == suspects
     (said,) = (text for text in found.summary.problems if "contradict each other" in text)
     assert ", ".join(sorted(suspects)) in said
     (finding,) = findings(found.directory)
@@ -379,7 +379,7 @@ def test_a_control_point_wrong_in_plan_is_rejected_and_named(
     found = adjusted_with(project, out, mistake, ON_CONTROL, BY_DEFAULT)
     summary = json.loads((found.directory / "summary.json").read_text())
     assert summary["rejected_control"] == ["C001"]
-    assert summary["unlocated_control"] == []
+    assert summary["inseparable_control"] == []
 
 
 def test_heights_that_hardly_anything_controls_are_named_as_what_may_stay_unnoticed(

@@ -49,7 +49,7 @@ def test_of_four_heights_without_positions_none_is_rejected_and_the_wrong_one_is
     assert rejected_control(result) == set()
     control = next(item.group for item in result.groups if isinstance(item.group, ControlPoints))
     assert isinstance(control, ControlPoints)
-    named = set(result.unlocated.tolist())
+    named = set(result.inseparable.tolist())
     assert int(control.point[wrong]) in named
     assert len(named) >= 3
 
@@ -60,4 +60,4 @@ def test_with_positions_the_wrong_ones_are_rejected(errors: dict[int, float]) ->
     scene = two_strips(control=("full",) * 5, noise_seed=3)
     result = snooped(with_errors(scene, errors))
     assert rejected_control(result) == set(errors)
-    assert len(result.unlocated) == 0
+    assert len(result.inseparable) == 0
