@@ -108,11 +108,16 @@ def block_of(problem: Problem) -> tuple[Block, Observations]:
     system = tuple(
         SystemParameters(
             FAMILIES[name],
-            (name,),
+            (entity,),
             problem.interior[None] if name == INTERIOR_ORIENTATION else 0.0 * held,
             held,
         )
-        for name in (INTERIOR_ORIENTATION, BORESIGHT, LEVER_ARM, GNSS_SHIFT)
+        for name, entity in (
+            (INTERIOR_ORIENTATION, camera.name),
+            (BORESIGHT, camera.name),
+            (LEVER_ARM, camera.name),
+            (GNSS_SHIFT, "flight"),
+        )
     )
     zeros = np.zeros(n, dtype=np.int64)
     block = Block(

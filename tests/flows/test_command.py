@@ -173,12 +173,12 @@ def test_results_between_delivered_files_get_a_remark_and_replace_none(warm_bloc
     remark = "is one of the delivery (control.csv, exposures.csv, image_points.csv, …)"
     assert remark in done.stderr
     assert remark not in aerocal("run", warm_block).stderr
-    # The name of a table of results.
-    points = folder / "parameters.parquet"
+    # The name of a table of results, which not every run has.
+    points = folder / "neighbouring_images.parquet"
     points.unlink()
     (folder / "control.csv").rename(points)
     delivered = points.read_bytes()
-    warm_block.write_text(warm_block.read_text().replace('"control.csv"', '"parameters.parquet"'))
+    warm_block.write_text(warm_block.read_text().replace('"control.csv"', '"neighbouring_images.parquet"'))
     done = aerocal("run", warm_block, "--out", folder)
     assert done.returncode == 2, done.stderr
     assert f"{points}: This is a delivered file, which the results would replace." in one_line_error(done)

@@ -46,7 +46,20 @@ def test_sigma0_in_pixels_is_in_those_of_the_camera_of_each_ray(adjusted: Adjust
     block, pixels = adjusted.block, np.array([12e-6, 3e-6])
     order = [first, 1 - first]
     cameras = tuple(replace(block.cameras[k], pixel_size=float(pixels[k])) for k in order)
-    block = replace(block, cameras=cameras, camera_of_image=np.array(order)[block.camera_of_image])
+    system = tuple(
+        replace(
+            item,
+            entities=tuple(item.entities[k] for k in order),
+            values=item.values[order],
+            free=item.free[order],
+        )
+        if len(item.entities) == 2
+        else item
+        for item in block.system
+    )
+    block = replace(
+        block, cameras=cameras, camera_of_image=np.array(order)[block.camera_of_image], system=system
+    )
     rays = adjusted.result.groups[0]
     assert isinstance(rays.group, ImagePoints)
     of_ray = adjusted.block.camera_of_image[rays.group.image]
