@@ -52,7 +52,7 @@ from tasks.formats.records import (
     PixelCamera,
 )
 from tasks.formats.rigs import Rigs, with_rigs
-from tasks.formats.xml_text import parsed_xml
+from tasks.formats.xml_text import elements, parsed_xml
 
 # Terms of older versions, which later ones have no more.
 _UNREAD = ("p3", "p4", "skew")
@@ -234,7 +234,7 @@ def read_metashape_markers(path: Path) -> ControlRecords:
         If there are none, or numbers are missing.
     """
     points = LongRows("position", "sigma")
-    for number, item in enumerate(parsed_xml(path).iter("marker"), start=1):
+    for number, item in enumerate(elements(path, "marker"), start=1):
         reference = item.find("reference")
         if reference is None or "label" not in item.attrib or "x" not in reference.attrib:
             continue
@@ -248,7 +248,6 @@ def read_metashape_markers(path: Path) -> ControlRecords:
         # A marker that is switched off in the reference pane is a check point there.
         role = "check" if reference.get("enabled") in ("false", "0") else "control"
         points.append(item.attrib["label"], values, sigma, text=role, line=number)
-        item.clear()
     return points.control(path)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from tasks.errors import Location
@@ -38,14 +40,45 @@ def parsed_xml_content(path: Path, content: bytes, entity: str | None = None) ->
     return _parsed(path, _plain_text(path, content, entity), entity)
 
 
+def elements(path: Path, tag: str) -> Iterator[ElementTree.Element]:
+    """The elements of a tag in the order in which they end; the next one empties the one before.
+
+    Raises
+    ------
+    InputError
+        As `parsed_xml`, where the trouble is.
+    """
+    parser = ElementTree.XMLPullParser(("end",))
+    with _well_formed(path, None):
+        for piece in _pieces(_plain_text(path, read_bytes(path, "document"), None)):
+            parser.feed(piece)
+            for _, element in parser.read_events():
+                if isinstance(element, ElementTree.Element) and element.tag == tag:
+                    yield element
+                    element.clear()
+        parser.close()
+
+
 def _parsed(path: Path, text: str, entity: str | None) -> ElementTree.Element:
     parser = ElementTree.XMLParser()
-    try:
-        # Of a text, and not of bytes: whatever encoding it declares, these characters are parsed. In pieces,
-        # as the parser keeps what it is given several times.
-        for begin in range(0, len(text), _PIECE):
-            parser.feed(text[begin : begin + _PIECE])
+    with _well_formed(path, entity):
+        for piece in _pieces(text):
+            parser.feed(piece)
         return parser.close()
+
+
+def _pieces(text: str) -> Iterator[str]:
+    """Of a text, and not of bytes: whatever encoding it declares, these characters are parsed.
+
+    In pieces, as a parser keeps what it is given several times.
+    """
+    return (text[begin : begin + _PIECE] for begin in range(0, len(text), _PIECE))
+
+
+@contextmanager
+def _well_formed(path: Path, entity: str | None) -> Iterator[None]:
+    try:
+        yield
     except ElementTree.ParseError as error:
         raise Location(path, error.position[0], entity).error(
             f"This is not well-formed XML ({error.msg}).", "Deliver the file again."
