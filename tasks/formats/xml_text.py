@@ -48,11 +48,11 @@ def elements(path: Path, tag: str) -> Iterator[ElementTree.Element]:
     InputError
         As `parsed_xml`, where the trouble is.
     """
-    parser = ElementTree.XMLPullParser(("end",))
+    parser: ElementTree.XMLPullParser[ElementTree.Element] = ElementTree.XMLPullParser(("end",))
     with _well_formed(path, None):
         for piece in _pieces(_plain_text(path, read_bytes(path, "document"), None)):
             parser.feed(piece)
-            for _, element in parser.read_events():
+            for *_, element in parser.read_events():
                 if isinstance(element, ElementTree.Element) and element.tag == tag:
                     yield element
                     element.clear()
