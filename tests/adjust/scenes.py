@@ -245,6 +245,21 @@ _HEAD_ANGLES = np.array([[24.0, -3.0, 2.0], [-19.0, 12.0, -5.0]])
 _HEAD_PLACES = np.array([[0.30, -0.20, 0.10], [-0.25, 0.35, 0.05]])
 
 
+def with_cameras_in_order(system: tuple[SystemParameters, ...], order: Ints) -> tuple[SystemParameters, ...]:
+    """System parameters of the same cameras in another order: new camera k is the old one order[k]."""
+    return tuple(
+        replace(
+            one,
+            entities=tuple(one.entities[k] for k in order),
+            values=one.values[order],
+            free=one.free[order],
+        )
+        if one.family.entity_kind == "camera"
+        else one
+        for one in system
+    )
+
+
 def _rig(
     plan: Plan, cameras: tuple[FrameCamera, ...], camera_of_event: Ints, motion: EventMotion
 ) -> Rig | None:

@@ -37,7 +37,7 @@ from adjust.rig import OF_HEADS, RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONI
 from adjust.solve.design_matrix import design_matrix, full_cofactor
 from adjust.solve.gauss_newton import solution_at
 from adjust.solve.system import Observations, System
-from tests.adjust.scenes import ALL_FREE, Scene, two_strips
+from tests.adjust.scenes import ALL_FREE, Scene, two_strips, with_cameras_in_order
 
 HEADS_FREE: Mapping[str, object] = {RELATIVE_ROTATION: True, RELATIVE_POSITION: True}
 
@@ -173,17 +173,7 @@ def with_other_order_of_heads(scene: Scene, order: Ints) -> Scene:
         rig.body_from_camera[order],
         rig.motion,
     )
-    system = tuple(
-        replace(
-            one,
-            entities=tuple(one.entities[k] for k in order),
-            values=one.values[order],
-            free=one.free[order],
-        )
-        if one.family.entity_kind == "camera"
-        else one
-        for one in block.system
-    )
+    system = with_cameras_in_order(block.system, order)
     rows = np.lexsort((to[rays.image], rays.point))
     moved = replace(
         rays.only(rows),

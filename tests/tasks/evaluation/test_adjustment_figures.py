@@ -23,7 +23,7 @@ from tasks.remarks.observation_sigmas import variance_sentences
 from tasks.results.figures import ComponentFigure, VarianceFigures
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.coordinates import ELLIPSOIDAL
-from tests.adjust.scenes import two_strips
+from tests.adjust.scenes import two_strips, with_cameras_in_order
 
 NOTHING = np.zeros((0, 3))
 NO_SURVEY = SurveyedPoints(
@@ -46,17 +46,7 @@ def test_sigma0_in_pixels_is_in_those_of_the_camera_of_each_ray(adjusted: Adjust
     block, pixels = adjusted.block, np.array([12e-6, 3e-6])
     order = [first, 1 - first]
     cameras = tuple(replace(block.cameras[k], pixel_size=float(pixels[k])) for k in order)
-    system = tuple(
-        replace(
-            item,
-            entities=tuple(item.entities[k] for k in order),
-            values=item.values[order],
-            free=item.free[order],
-        )
-        if len(item.entities) == 2
-        else item
-        for item in block.system
-    )
+    system = with_cameras_in_order(block.system, np.array(order))
     block = replace(
         block, cameras=cameras, camera_of_image=np.array(order)[block.camera_of_image], system=system
     )
