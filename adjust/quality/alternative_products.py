@@ -51,6 +51,8 @@ class Products:
         self.layout = system.layout
         self.own = np.zeros((count, count))
         self.load = SparseVectors.zeros(system, count)
+        self._numbers = np.zeros(0, dtype=np.int64)
+        self._of_rays = np.zeros((system.layout.events, 6, 0))
 
     def add(
         self, group: ObservationGroup, equations: Linearization, columns: Sequence[tuple[int, Floats]]
@@ -69,7 +71,9 @@ class Products:
         for term in white.terms:
             if term.block == EXTERIOR_ORIENTATION:
                 index, jacobian = map(np.ascontiguousarray, (term.index, term.jacobian))
-                add_products(index, jacobian, whitened, numbers, self.load.of_exposures)
+                rays = isinstance(group, ImagePoints)
+                sums, places = self._sums_of_rays(numbers) if rays else (self.load.of_exposures, numbers)
+                add_products(index, jacobian, whitened, places, sums)
             elif term.block == OBJECT_POINT:
                 self.load = load = self.load.with_points_of(numbers)
                 index, jacobian = map(np.ascontiguousarray, (term.index, term.jacobian))
@@ -81,12 +85,29 @@ class Products:
                     free = places[touched] >= 0
                     self.load.of_border[np.ix_(places[touched][free], numbers)] += summed[free]
 
+    def _sums_of_rays(self, numbers: Ints) -> tuple[Floats, Ints]:
+        """Sums (n, 6, c) of some columns alone at the exposures, and the places of the columns in them.
+
+        Image points come in the order of object points: in the load, of all columns, every one of them would
+        be on other pages of memory.
+        """
+        if not np.array_equal(numbers, self._numbers):
+            self.finish()
+            self._numbers, self._of_rays = numbers, np.zeros((self.layout.events, 6, len(numbers)))
+        return self._of_rays, np.arange(len(numbers))
+
+    def finish(self) -> None:
+        """Bring what image points have contributed into the load."""
+        self.load.of_exposures[:, :, self._numbers] += self._of_rays
+        self._of_rays[:] = 0.0
+
 
 def products_of(system: System, state: State, alternatives: Sequence[ModelAlternative]) -> Products:
     """CᵀC and AᵀC of k alternatives and, as column k + 1, of the misclosures at a state."""
     last = len(alternatives)
     products = Products(system, last + 1)
-    for whole in system.observations.groups:
+    # The image points last: room for the columns at object points is then made once, before it is large.
+    for whole in reversed(system.observations.groups):
         for group, rows in _parts(whole):
             equations = _present(group, group.linearize(state))
             found = [
@@ -96,6 +117,7 @@ def products_of(system: System, state: State, alternatives: Sequence[ModelAltern
             ]
             # The misclosures go through the same products as the columns.
             products.add(group, equations, [*found, (last, equations.misclosure)])
+    products.finish()
     return products
 
 

@@ -14,29 +14,28 @@ def sums_of_products(start, xy, residual, limits):
     limits : (b,) squares of the upper limits of the classes, ascending.
     """
     classes = limits.shape[0]
-    count = np.zeros((classes, 2), np.int64)
-    total = np.zeros((classes, 2))
+    # The last row, of pairs that are too far apart, is dropped: most branches here would be guessed wrongly.
+    count = np.zeros((classes + 1, 2), np.int64)
+    total = np.zeros((classes + 1, 2))
     farthest = limits[classes - 1]
     for image in range(start.shape[0] - 1):
         # From left to right, so that most pairs that are too far apart are never looked at.
         order = start[image] + np.argsort(xy[start[image] : start[image + 1], 0])
+        x, y, vx, vy = xy[order, 0], xy[order, 1], residual[order, 0], residual[order, 1]
         for a in range(len(order)):
-            i = order[a]
             for b in range(a + 1, len(order)):
-                j = order[b]
-                dx = xy[i, 0] - xy[j, 0]
+                dx, dy = x[a] - x[b], y[a] - y[b]
                 if dx * dx >= farthest:
                     break
-                dy = xy[i, 1] - xy[j, 1]
-                square = dx * dx + dy * dy
-                if square >= farthest:
-                    continue
-                k = 0
-                while square >= limits[k]:
-                    k += 1
-                for c in range(2):
-                    product = residual[i, c] * residual[j, c]
-                    if product == product:
-                        count[k, c] += 1
-                        total[k, c] += product
-    return count, total
+                square, k = dx * dx + dy * dy, 0
+                for limit in limits:
+                    k += square >= limit
+                product = vx[a] * vx[b]
+                if product == product:
+                    count[k, 0] += 1
+                    total[k, 0] += product
+                product = vy[a] * vy[b]
+                if product == product:
+                    count[k, 1] += 1
+                    total[k, 1] += product
+    return count[:classes], total[:classes]

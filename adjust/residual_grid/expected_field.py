@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import linalg
 
 from adjust.arrays import Bools, Floats
 from adjust.residual_grid.format_cells import Division, FormatCells
@@ -161,6 +161,9 @@ def _variances(shown: list[Floats], observed: Floats, most: float) -> tuple[Floa
         value = np.sum(np.log(np.diagonal(lower))) + 0.5 * observed @ told
         own = [np.vdot(inverse, weight) - told @ weight @ told for weight in weights]
         return float(value), 0.5 * variance * np.array(own)
+
+    # Loaded late: blocks without corrections do not need it, and it takes a tenth of a second.
+    from scipy import optimize
 
     found = optimize.minimize(
         loss,

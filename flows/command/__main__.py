@@ -28,8 +28,8 @@ def main() -> None:
 
 
 def _command_line() -> None:
-    # Libraries make hundreds of thousands of objects when they are loaded, and all of them stay.
-    gc.set_threshold(50_000)
+    # Most commands end before there is garbage worth a search, and their libraries' objects stay.
+    gc.set_threshold(1_000_000)
     keep_freed_memory()
     from flows.command.main import app
 

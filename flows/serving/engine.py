@@ -31,8 +31,8 @@ _FORESEEN = re.compile(rf"Finished in state ({'|'.join(STATE_NAMES.values())})\(
 def main() -> None:
     """Carry out the run that the environment names; an expected outcome is not an error here."""
     run_id = UUID(os.environ["PREFECT__FLOW_RUN_ID"])
-    # Loads Prefect: hundreds of thousands of objects, and all of them stay.
-    gc.set_threshold(50_000)
+    # As the command: a run ends before there is garbage worth a search.
+    gc.set_threshold(1_000_000)
     keep_freed_memory()
     from flows.serving.deployed import FLOWS  # isort: skip
     from prefect._internal.control_listener import configure_from_env

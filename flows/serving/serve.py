@@ -7,6 +7,7 @@ process.
 
 from __future__ import annotations
 
+import gc
 import itertools
 import os
 import sys
@@ -99,6 +100,8 @@ def _prepared(settings: Settings) -> Records:
             f"{visible(temporary)}.",
             "Set TMPDIR to a folder with a shorter path.",
         )
+    # Other commands end soon (`flows.command`); this one runs for weeks.
+    gc.set_threshold(50_000)
     make_private(settings.state)
     records = Records.at(settings.records)
     records.prepare()

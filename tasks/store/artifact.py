@@ -17,8 +17,8 @@ from tasks.files.installation import InstallationError
 
 # Of files by where they lie, size, and times of change.
 _DIGESTS: dict[tuple[int, ...], str] = {}
-# The clock of a file system is not finer than some milliseconds.
-_CLOCK_NS = 1_000_000_000
+# The clock of a file system is not finer than some milliseconds; that of some counts seconds.
+_TICK_NS, _SECOND_NS = 15_000_000, 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -57,15 +57,19 @@ def digest_of_unchanged(path: Path) -> str:
     if stamp not in _DIGESTS:
         digest = digest_of_file(path)
         # The next change of a file that has only just changed may have the same time.
-        if time.time_ns() - status.st_ctime_ns < _CLOCK_NS:
+        if time.time_ns() - status.st_ctime_ns < _tick_ns(status.st_ctime_ns):
             return digest
         _DIGESTS[stamp] = digest
     return _DIGESTS[stamp]
 
 
+def _tick_ns(changed_ns: int) -> int:
+    return _SECOND_NS if changed_ns % _SECOND_NS == 0 else _TICK_NS
+
+
 def artifact_of(path: Path, name: str | None = None) -> Artifact:
     """Describe a finished file: digest and, for a Parquet table, the number of rows."""
-    return Artifact(path.stem if name is None else name, path, digest_of_file(path), _rows(path))
+    return Artifact(path.stem if name is None else name, path, digest_of_unchanged(path), _rows(path))
 
 
 def artifact_names(files: Collection[str]) -> dict[str, str]:

@@ -169,12 +169,14 @@ class Store:
         """
         paths = sorted(folder.iterdir(), key=lambda path: path.name)
         names = artifact_names([path.name for path in paths])
+        for path in paths:
+            # From now on they do not change.
+            path.chmod(0o444)
         # While the digests are made, the disk writes.
-        with ThreadPoolExecutor(1) as beside:
-            flushed = [beside.submit(_flush_file, path) for path in paths]
-            artifacts = [artifact_of(path, names[path.name]) for path in paths]
-        for file in flushed:
-            file.result()
+        with ThreadPoolExecutor(1) as disk, ThreadPoolExecutor(2) as digests:
+            flushed = disk.map(_flush_file, paths)
+            artifacts = list(digests.map(lambda path: artifact_of(path, names[path.name]), paths))
+            list(flushed)
         files: list[JSON] = [
             {"file": a.path.name, "sha256": a.sha256, "rows": a.rows, "bytes": a.path.stat().st_size}
             for a in artifacts
@@ -187,7 +189,8 @@ class Store:
             "seconds": round(seconds, 3),
         }
         replace_json(folder / STAGE_FILE, record)
-        _flush(folder)
+        (folder / STAGE_FILE).chmod(0o444)
+        _flush_folder(folder)
         place = self._place(key)
         while not _renamed(folder, place):
             with contextlib.suppress(*_DAMAGES):
@@ -365,14 +368,6 @@ def _note_use(place: Path) -> None:
     # Where it may only be read, it is not cleaned up either.
     with contextlib.suppress(OSError):
         os.utime(place / STAGE_FILE)
-
-
-def _flush(folder: Path) -> None:
-    """Force the folder's files onto the disk and make them read-only: from now on they do not change."""
-    for path in folder.iterdir():
-        _flush_file(path)
-        path.chmod(0o444)
-    _flush_folder(folder)
 
 
 def _flush_file(path: Path) -> None:

@@ -85,12 +85,12 @@ def _tested(
     of_nulls: bool,
 ) -> NDArray[np.bool_]:
     """Whether some rows of a column are in a relation to the row before; null is greater than all else."""
-    if len(rows) == len(column) - 1:
-        before, after = column[:-1], column[1:]
-    else:
-        before, after = column.take(pa.array(rows - 1)), column.take(pa.array(rows))
+    if len(rows) == 0:
+        return np.zeros(0, dtype=bool)
+    # All of them: to take some texts out takes longer than to compare them.
+    before, after = column[:-1], column[1:]
     found = pc.fill_null(test(after, before), False).to_numpy(zero_copy_only=False)
-    if column.null_count == 0:
-        return np.asarray(found)
-    null_before, null_after = (part.is_null().to_numpy(zero_copy_only=False) for part in (before, after))
-    return np.asarray(found | (null_after & (null_before if of_nulls else ~null_before)))
+    if column.null_count:
+        null_before, null_after = (part.is_null().to_numpy(zero_copy_only=False) for part in (before, after))
+        found = found | (null_after & (null_before if of_nulls else ~null_before))
+    return np.asarray(found[rows - 1])

@@ -19,7 +19,7 @@ def _digest(text: str) -> str:
 @pytest.fixture
 def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The files whose digests were made; one that has only just been written counts as old."""
-    monkeypatch.setattr(artifact, "_CLOCK_NS", 0)
+    monkeypatch.setattr(artifact, "_TICK_NS", 0)
     found: list[Path] = []
     plain = artifact.digest_of_file
 
@@ -66,9 +66,17 @@ def test_another_file_at_the_same_place_is_noticed(tmp_path: Path) -> None:
     assert digest_of_unchanged(file) == _digest("two")
 
 
-def test_a_file_that_has_only_just_changed_is_read_again(tmp_path: Path) -> None:
+def test_a_file_that_has_only_just_changed_is_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(artifact, "_TICK_NS", 10**15)
     forget_digests()
     file = tmp_path / "file"
     file.write_text("one")
     digest_of_unchanged(file)
     assert artifact._DIGESTS == {}
+
+
+def test_a_clock_that_counts_seconds_is_known_by_its_times() -> None:
+    assert artifact._tick_ns(1_764_000_000_000_000_000) == 10**9
+    assert artifact._tick_ns(1_764_000_000_004_000_000) < 10**8
