@@ -53,7 +53,7 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 # By default the collector of cycles looks after every 700 new objects. One table of pandas makes more, and
 # what is made while tests are collected lives to the end.
-gc.set_threshold(50_000)
+gc.set_threshold(400_000)
 
 # Waiting for the disk takes a tenth of the time of tests that store results, and no test cuts the power.
 # Programs that tests start, and kill, do wait.
