@@ -272,6 +272,19 @@ class ObservationGroup(Protocol):
 
 
 @runtime_checkable
+class JoinsPoints(Protocol):
+    """A group whose observations, of one number, join two object points each: ``point`` and this one.
+
+    Its equations have one term for each of the two, and no others.
+    """
+
+    @property
+    def other_point(self) -> Ints:
+        """(n,) index of the second object point."""
+        ...
+
+
+@runtime_checkable
 class CorrelatedOverTime(Protocol):
     """A group whose errors may be correlated over time."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, Ints
 from adjust.parameters import ParameterLayout
 from adjust.quality import cofactor_kernel
 from adjust.quality.considered_errors import ConsideredErrors
@@ -30,8 +30,8 @@ class Cofactor:
     reduced : of exposures (with each other where they see common points) and system parameters.
     of_points : (m, 3, 3) of object points, local axes, m²; NaN for points that were not used.
     hat_of_rays : (n, 3) elements xx, xy, yy of the hat matrix A Q Aᵀ P of every image point.
-    of_joins : (k, 3, 3) between the two object points of every join, local axes, m²; zero where one takes no
-        part.
+    joined : the object points (k,) and (k,) of every join.
+    of_joins : (k, 3, 3) between the two, local axes, m²; zero where one takes no part.
     considered, corrections : what errors of considered parameters and of corrections of image coordinates
         add, not part of the above; None without any.
     """
@@ -39,6 +39,7 @@ class Cofactor:
     reduced: ReducedCofactor
     of_points: Floats
     hat_of_rays: Floats
+    joined: tuple[Ints, Ints]
     of_joins: Floats
     considered: ConsideredErrors | None = None
     corrections: CorrectionErrors | None = None
@@ -48,6 +49,13 @@ class Cofactor:
         """What k independent errors of unit variance add to the unknowns, (u, k), from all that is known."""
         parts = [item.of_unknowns for item in (self.considered, self.corrections) if item is not None]
         return joined(parts) if parts else None
+
+    def between_joined(self, point: Ints, other: Ints) -> Floats:
+        """Cofactors (n, 3, 3) between object points (n,) and (n,) that are joined in this order."""
+        pairs = self.joined[0] * len(self.of_points) + self.joined[1]
+        order = np.argsort(pairs, kind="stable")
+        wanted = point * len(self.of_points) + other
+        return np.asarray(self.of_joins[order[np.searchsorted(pairs[order], wanted)]])
 
     def without_joins(self, layout: ParameterLayout) -> Cofactor:
         """The same of the unknowns of a layout alone: what joins object points has no column any more."""
@@ -91,7 +99,7 @@ def with_points(system: System, solution: Solution, reduced: ReducedCofactor) ->
         )
 
     in_any_order(work, lanes(system.point_start), system.threads)
-    return Cofactor(reduced, of_points, hat, _between_joined_points(system, solution))
+    return Cofactor(reduced, of_points, hat, system.joined, _between_joined_points(system, solution))
 
 
 def _tiled(system: System, reduced: ReducedCofactor) -> tuple[Floats, Floats]:

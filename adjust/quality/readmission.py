@@ -17,7 +17,7 @@ import numpy as np
 from adjust.approximate.intersection import intersect
 from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
-from adjust.observations.distance import Distances
+from adjust.observations.base import JoinsPoints
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from adjust.quality.cofactor import with_points
@@ -280,7 +280,7 @@ def in_place(adjusted: Adjusted, given: Observations, given_up: Bools) -> Adjust
     residuals = []
     for group, item in zip(given.groups, adjusted.residuals, strict=True):
         rows = touched[group.point]
-        if isinstance(group, Distances):
+        if isinstance(group, JoinsPoints):
             rows |= touched[group.other_point]
         if rows.any():
             is_rays = group is given.image_points

@@ -21,9 +21,8 @@ import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.least_squares import Adjusted
-from adjust.observations.base import ObservationGroup
+from adjust.observations.base import JoinsPoints, ObservationGroup
 from adjust.observations.direct import DirectObservations
-from adjust.observations.distance import Distances
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.joint_prior import JointPrior
 from adjust.parameters import OBJECT_POINT, State
@@ -296,7 +295,7 @@ def _survey_for_most_rays(observations: Observations, rejected: tuple[Bools, ...
     most = 2.0 * left < rays.seen_from(np.ones_like(rays.active), points)
     last = last[most[rays.point[last]]]
     for group, mask in zip(observations.others, rejected[1:], strict=True):
-        if not isinstance(group, Distances):
+        if not isinstance(group, JoinsPoints):
             surveys = np.isin(group.point, rays.point[last]) & group.stochastic.present.any(axis=1)
             mask |= surveys
             rejected[0][last[np.isin(rays.point[last], group.point[surveys])]] = False
@@ -309,7 +308,7 @@ def _undetermined(observations: Observations, rejected: tuple[Bools, ...], point
     touched = np.zeros(points, dtype=bool)
     touched[rays.point[rejected[0]]] = True
     for group, mask in zip(observations.others, rejected[1:], strict=True):
-        if isinstance(group, Distances):  # it determines neither of its points
+        if isinstance(group, JoinsPoints):  # it determines neither of its points
             continue
         touching = (group.point >= 0) & ~mask
         np.add.at(support, group.point[touching], group.stochastic.present[touching].sum(axis=1))
@@ -329,7 +328,7 @@ def survey_information(observations: Observations, state: State) -> dict[int, Fl
     """Normal matrices (3, 3) of the object points that others than rays and distances belong to."""
     information: dict[int, Floats] = {}
     for group in observations.others:
-        if isinstance(group, Distances) or not (group.point >= 0).any():
+        if isinstance(group, JoinsPoints) or not (group.point >= 0).any():
             continue
         equations = whiten(group, group.linearize(state))
         jacobian = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)

@@ -134,9 +134,10 @@ def _hat_of_points(
     for (point, jacobian), (_, other) in zip(of_points, others, strict=True):
         hat = hat + jacobian @ cofactor.of_points[point] @ np.swapaxes(other, 1, 2)
     if len(of_points) == 2:
-        (_, first), (_, second) = of_points
-        mixed = first @ cofactor.of_joins @ np.swapaxes(others[1][1], 1, 2)
-        hat = hat + mixed + second @ np.swapaxes(others[0][1] @ cofactor.of_joins, 1, 2)
+        (point, first), (other, second) = of_points
+        between = cofactor.between_joined(point, other)
+        mixed = first @ between @ np.swapaxes(others[1][1], 1, 2)
+        hat = hat + mixed + second @ np.swapaxes(others[0][1] @ between, 1, 2)
     return hat
 
 

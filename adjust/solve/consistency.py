@@ -12,10 +12,12 @@ import numpy as np
 from adjust.arrays import Ints
 from adjust.block import Block
 from adjust.errors import InconsistentBlockError
+from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
+from adjust.solve.consistent_equations import refuse_wrong_equations
 from adjust.solve.joined_points import joined_points
 
 if TYPE_CHECKING:
@@ -37,13 +39,17 @@ def refuse_others_than(block: Block, observations: Observations) -> None:
     _refuse_other_rays(block, observations.image_points)
     kind = "image" if block.rig is None else "event"
     entities = {parameters.family.name: len(parameters.entities) for parameters in block.system}
+    state = block.approximate_state()
     for group in observations.groups:
+        _refuse_no_group(group)
         name = group.name
         # Only image points must have an object point; −1 elsewhere says that there is none.
         least = 0 if group is observations.image_points else -1
         _refuse_outside(name, "object point", group.point, len(block.points), least)
         _refuse_outside(name, kind, group.event, len(block.events), -1)
         _refuse_outside(name, "object point", np.concatenate(joined_points((group,))), len(block.points))
+        if group is not observations.image_points:
+            refuse_wrong_equations(block, state, group)
         if isinstance(group, (GnssPositions, InsAttitudes)):
             _refuse_outside(name, "camera", group.camera, len(block.cameras))
         if isinstance(group, GnssPositions):
@@ -53,6 +59,21 @@ def refuse_others_than(block: Block, observations: Observations) -> None:
             if family.name not in entities:
                 raise InconsistentBlockError(f"{name}: the block has no {family.name}.")
             _refuse_outside(name, family.entity_kind, group.entity, entities[family.name])
+
+
+def _refuse_no_group(group: object) -> None:
+    """Refuse what is no group of observations, or numbers its events and object points with no array."""
+    if not isinstance(group, ObservationGroup):
+        missing = [
+            name for name in dir(ObservationGroup) if name[0] != "_" and not hasattr(group, name)
+        ]
+        raise InconsistentBlockError(
+            f"A {type(group).__name__} is no group of observations: it has no {', '.join(missing)}."
+        )
+    for name in ("event", "point"):
+        index = getattr(group, name)
+        if not isinstance(index, np.ndarray) or index.dtype.kind not in "iu":
+            raise InconsistentBlockError(f"{group.name}: {name} is not an array of integers.")
 
 
 def _refuse_other_rays(block: Block, rays: ImagePoints) -> None:

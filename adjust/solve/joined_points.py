@@ -15,9 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Floats, Ints
-from adjust.errors import InconsistentBlockError
-from adjust.observations.base import Linearization, ObservationGroup
-from adjust.observations.distance import Distances
+from adjust.observations.base import JoinsPoints, Linearization, ObservationGroup
 from adjust.parameters import OBJECT_POINT
 
 
@@ -44,10 +42,6 @@ class Joins:
         terms = [term for term in whitened.terms if term.block == OBJECT_POINT]
         if len(terms) < 2:
             return None
-        if len(whitened.terms) > 2 or whitened.misclosure.shape[1] != 1:
-            raise InconsistentBlockError(
-                "An observation of one number may join two object points, and no others."
-            )
         one, other = terms
         return cls(
             one.index, other.index, one.jacobian[:, 0], other.jacobian[:, 0], whitened.misclosure[:, 0]
@@ -105,7 +99,7 @@ class Couplings:
 
 def joined_points(groups: tuple[ObservationGroup, ...]) -> tuple[Ints, Ints]:
     """The object points (k,) and (k,) that observations of the groups join."""
-    found = [group for group in groups if isinstance(group, Distances)]
+    found = [group for group in groups if isinstance(group, JoinsPoints)]
     nothing = np.zeros(0, dtype=np.int64)
     return (
         np.concatenate([nothing, *(group.point for group in found)]),

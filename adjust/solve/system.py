@@ -10,8 +10,7 @@ import numpy as np
 from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.errors import InconsistentBlockError
-from adjust.observations.base import ObservationGroup
-from adjust.observations.distance import Distances
+from adjust.observations.base import JoinsPoints, ObservationGroup
 from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, InnerConstraints, ParameterLayout, State
 from adjust.solve.consistency import refuse_others_than
@@ -207,7 +206,7 @@ def determined_points(block: Block, observations: Observations) -> Bools:
     rays = observations.image_points
     equations = 2.0 * rays.seen_from(rays.active, len(block.points))
     for group in observations.others:
-        if isinstance(group, Distances):  # it holds its points together, wherever they are
+        if isinstance(group, JoinsPoints):  # it holds its points together, wherever they are
             continue
         touching = group.point >= 0
         present = group.stochastic.present[touching].sum(axis=1)
@@ -241,7 +240,7 @@ def _of_active_points(observations: Observations, active: Bools) -> Observations
     return Observations(
         rays.without(~kept[rays.point]),
         tuple(
-            group.without(~kept[group.other_point]) if isinstance(group, Distances) else group
+            group.without(~kept[group.other_point]) if isinstance(group, JoinsPoints) else group
             for group in others
         ),
     )

@@ -20,8 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats, Ints
-from adjust.observations.base import Linearization, ObservationGroup
-from adjust.observations.distance import Distances
+from adjust.observations.base import JoinsPoints, Linearization, ObservationGroup
 from adjust.one_thread import one_thread
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT
 from adjust.quality.joint_cofactor import MixedParts, mixed_parts
@@ -120,7 +119,7 @@ def _by_elimination(solution: JointSolution, sight: Sight) -> Ints:
 def _groups(solution: JointSolution, result: AdjustmentResult) -> list[_Group]:
     groups = []
     for group, tested in zip(solution.system.observations.others, result.groups[1:], strict=True):
-        if isinstance(group, Distances):
+        if isinstance(group, JoinsPoints):
             continue
         counted = tested.status == ObservationStatus.USED
         equations = group.linearize(solution.state)
