@@ -6,11 +6,12 @@ With the ideal point as a direction u = (x_id, y_id) / c a forward set of additi
 
 without a length in it: d depends on the values of the parameters alone. In metres the distortion is
 D = c d(x_id / c), with ∂D/∂x_id = ∂d/∂u and ∂(x_id + D)/∂c = u + d for a point that is projected, x_id = c u.
+A set states D for the focal length c₀ of its image format, so d(u) = D₀(c₀ u) / c₀.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -40,8 +41,7 @@ class Distortion:
     @classmethod
     def of(cls, parameters: AdditionalParameters) -> Distortion:
         """Those of the forward sets among additional parameters."""
-        chosen = parameters.only("forward")
-        return cls(replace(chosen, image_format=replace(chosen.image_format, focal_length=1.0)))
+        return cls(parameters.only("forward"))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -54,8 +54,16 @@ class Distortion:
         return self.parameters.first
 
     def basis(self, xy: Floats) -> Floats:
-        """Distortions d (n, 2, k) for each unit, at directions (n, 2)."""
-        return self.parameters.basis(xy)
+        """Distortions d (n, 2, k) for each unit, at directions (n, 2).
+
+        Raises
+        ------
+        AdditionalParametersError : the image format has no focal length.
+        """
+        if not self.names:
+            return np.zeros((len(xy), 2, 0))
+        c = self.parameters.image_format.needed_focal_length
+        return self.parameters.basis(c * xy) / c
 
 
 def undistorted(distortion: Correction, distorted: Floats, values: Floats) -> tuple[Floats, Bools]:
