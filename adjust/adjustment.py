@@ -58,6 +58,11 @@ def adjust_block(
     DivergenceError : no convergence.
     InconsistentBlockError : the block contradicts itself.
     """
+    for value, kind in ((block, Block), (observations, Observations), (options, AdjustmentOptions | None)):
+        if not isinstance(value, kind):
+            raise TypeError(
+                f"adjust_block takes a Block, Observations and AdjustmentOptions, no {type(value).__name__}."
+            )
     options = options or AdjustmentOptions()
     adjuster = Adjuster(options, progress)
     with one_thread():

@@ -102,7 +102,10 @@ class Block:
     def _refuse_wrong_system(self) -> None:
         """Parameters of a camera or flight are found by its index, whatever the name of their entity."""
         owners = {"camera": tuple(camera.name for camera in self.cameras), "flight": self.flights}
+        names = [given.family.name for given in self.system]
         for given in self.system:
+            if names.count(given.family.name) > 1:
+                raise InconsistentBlockError(f"The block has {given.family.name} twice.")
             expected = owners.get(given.family.entity_kind)
             if given.family.name in FAMILIES and expected is not None and tuple(given.entities) != expected:
                 raise InconsistentBlockError(

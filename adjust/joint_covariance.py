@@ -17,7 +17,7 @@ from adjust.quality.joint_cofactor import Chosen, joint_cofactors_of
 from adjust.solve.full_vectors import FullVectors, solve_full
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.system import System
-from adjust.unknown_names import places_of, unknown_name
+from adjust.unknown_names import numbers_of, places_of, unknown_name
 
 _OF_POINT = (("x", "m"), ("y", "m"), ("z", "m"))
 _OF_IMAGE = (*_OF_POINT, ("rotation_x", "rad"), ("rotation_y", "rad"), ("rotation_z", "rad"))
@@ -127,8 +127,8 @@ def _chosen(
     """The unknowns of names."""
     block = system.block
     kind = "image" if block.rig is None else "event"
-    at_images = places_of(kind, _names("images", images), _numbers(block.events))
-    at_points = places_of("object point", _names("points", points), _numbers(block.points))
+    at_images = places_of(kind, _names("images", images), numbers_of(kind, block.events))
+    at_points = places_of("object point", _names("points", points), numbers_of("object point", block.points))
     for j in at_points:
         if not system.active_point[j]:
             raise UnknownNameError(
@@ -153,10 +153,6 @@ def _names(argument: str, names: Sequence[str]) -> Sequence[str]:
     if isinstance(names, str):
         raise TypeError(f"{argument} is a list of names: {argument}=[{names!r}].")
     return names
-
-
-def _numbers(names: Sequence[str]) -> dict[str, int]:
-    return {name: number for number, name in enumerate(names)}
 
 
 def _columns(block: Block, name: str) -> list[int]:

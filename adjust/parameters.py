@@ -185,9 +185,16 @@ class SystemParameters:
     flights: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.family, Family):
+            raise InconsistentBlockError(
+                f"The family of system parameters is {self.family!r}, not a Family such as "
+                f"FAMILIES[{INTERIOR_ORIENTATION!r}]."
+            )
         name, shape = self.family.name, (len(self.entities), len(self.family.components))
         require_shape(f"The array of values of {name}", np.shape(self.values), shape)
         require_shape(f"The array of free parameters of {name}", np.shape(self.free), shape)
+        object.__setattr__(self, "values", np.asarray(self.values, dtype=np.float64))
+        object.__setattr__(self, "free", np.asarray(self.free, dtype=np.bool_))
         if not np.isfinite(self.values).all():
             raise InconsistentBlockError(f"The values of {name} are not all finite.")
 

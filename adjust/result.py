@@ -48,11 +48,12 @@ class ObservationStatus(IntEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GroupResult:
-    """Residuals of one group; arrays (n, m).
+    """Residuals of one group; arrays (n, m), in the order of its observations.
 
     Attributes
     ----------
-    group : the observations as given (nothing rejected).
+    group : the observations as given (nothing rejected). Image points are sorted by object point:
+        ``group.image`` and ``group.point`` say which each is.
     residual : v = adjusted − observed, SI and radians.
     sigma : a-priori standard deviations, or those of the estimated variance components.
     redundancy : redundancy numbers; NaN for what is not used.
@@ -223,7 +224,8 @@ class AdjustmentResult:
         images : names of images; projection centre in local axes, small rotation in the camera frame.
         parameters : families ("boresight"), parameters ("boresight_roll") or one of them ("boresight_roll of
             CAMERA"); of the first two, all that are estimated.
-        sigma0 : factor of the standard deviations; None: that of the residuals.
+        sigma0 : factor of the standard deviations; None: that of the residuals. Observations without errors,
+            as of a plan, have none: then 1.
 
         Raises
         ------
@@ -240,12 +242,14 @@ class AdjustmentResult:
     def _repr_html_(self) -> str:
         return page(self)
 
-    def to_dataframe(self, table: Table = "parameters") -> DataFrame:
+    def to_dataframe(self, table: Table = "parameters", sigma0: float | None = None) -> DataFrame:
         """A table of the result for pandas, in SI units and radians.
 
         Parameters
         ----------
         table : "parameters" (estimated system parameters), "images", "points" or "observations".
+        sigma0 : factor of the standard deviations of unknowns; None: that of the residuals. Observations
+            without errors, as of a plan, have none: then 1.
 
         Raises
         ------
@@ -253,7 +257,7 @@ class AdjustmentResult:
         """
         from adjust.notebook.tables import table_of
 
-        return table_of(self, table)
+        return table_of(self, table, sigma0)
 
     def plot(self) -> Figure:
         """The block in plan: exposures, object points by the σ of their height, what was rejected.

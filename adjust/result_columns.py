@@ -24,10 +24,11 @@ class ParameterRow(NamedTuple):
     unit: str
 
 
-def parameter_rows(result: AdjustmentResult) -> list[ParameterRow]:
+def parameter_rows(result: AdjustmentResult, sigma0: float | None = None) -> list[ParameterRow]:
     """Every estimated system parameter, with the errors of considered parameters in its σ."""
-    cofactor = with_considered(result.cofactor, result.sigma0).reduced.corner
-    sigma = result.sigma0 * np.sqrt(np.diagonal(cofactor))
+    factor = result.sigma0 if sigma0 is None else sigma0
+    cofactor = with_considered(result.cofactor, factor).reduced.corner
+    sigma = factor * np.sqrt(np.diagonal(cofactor))
     values = np.concatenate(
         [result.state.system[item.family.name][item.free] for item in result.layout.system] or [np.zeros(0)]
     )
@@ -37,15 +38,17 @@ def parameter_rows(result: AdjustmentResult) -> list[ParameterRow]:
     ]
 
 
-def sigma_of_images(result: AdjustmentResult) -> Floats:
+def sigma_of_images(result: AdjustmentResult, sigma0: float | None = None) -> Floats:
     """(n, 6) of every projection centre, local axes, m, and small rotation in the camera frame, rad."""
-    return _sigma(result, picture_cofactors(result.state, result.layout, result.cofactor, result.sigma0))
+    factor = result.sigma0 if sigma0 is None else sigma0
+    return _sigma(factor, picture_cofactors(result.state, result.layout, result.cofactor, factor))
 
 
-def sigma_of_points(result: AdjustmentResult) -> Floats:
+def sigma_of_points(result: AdjustmentResult, sigma0: float | None = None) -> Floats:
     """(m, 3) of every object point, local axes, m; NaN for those that were not used."""
-    return _sigma(result, with_considered(result.cofactor, result.sigma0).of_points)
+    factor = result.sigma0 if sigma0 is None else sigma0
+    return _sigma(factor, with_considered(result.cofactor, factor).of_points)
 
 
-def _sigma(result: AdjustmentResult, blocks: Floats) -> Floats:
-    return np.asarray(result.sigma0 * np.sqrt(np.diagonal(blocks, axis1=1, axis2=2)))
+def _sigma(factor: float, blocks: Floats) -> Floats:
+    return np.asarray(factor * np.sqrt(np.diagonal(blocks, axis1=1, axis2=2)))

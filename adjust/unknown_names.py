@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adjust.arrays import Ints, as_indices
-from adjust.errors import UnknownNameError
+from adjust.errors import InconsistentBlockError, UnknownNameError
 
 _Value = TypeVar("_Value")
 # So many names are listed; of more, the first ones and their number.
@@ -74,18 +74,35 @@ def places_of(what: str, wanted: Collection[str], known: Mapping[str, int]) -> l
     return list(found)
 
 
+def numbers_of(what: str, names: Sequence[str]) -> dict[str, int]:
+    """The place of every name.
+
+    Raises
+    ------
+    InconsistentBlockError : two have one name.
+    """
+    known = {name: number for number, name in enumerate(names)}
+    if len(known) < len(names):
+        twice = next(name for number, name in enumerate(names) if known[name] != number)
+        raise InconsistentBlockError(
+            f"Two of the {what}s have the name {twice!r}, so the name does not say which one is meant."
+        )
+    return known
+
+
 def indices_of(what: str, wanted: ArrayLike, names: Sequence[str]) -> Ints:
     """Indices (k,) of names, which may come again, in their order; integers are indices already.
 
     Raises
     ------
+    InconsistentBlockError : two have one name.
     UnknownNameError : for the first name that does not exist.
     """
     asked = np.asarray(wanted)
     if asked.dtype.kind not in "UO":
         return as_indices(f"The indices of the {what}s", asked, asked.size)
     different, place = np.unique(asked, return_inverse=True)
-    known = {name: number for number, name in enumerate(names)}
+    known = numbers_of(what, names)
     unknown = next((name for name in different.tolist() if name not in known), None)
     if unknown is not None:
         raise unknown_name(what, unknown, names)

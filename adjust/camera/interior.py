@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.errors import InconsistentBlockError
 from adjust.geometry.rotation import about_z
 
 PixelOrigin = Literal["corner", "centre"]
+MOUNTINGS_DEG = (0, 90, 180, 270)
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,10 @@ class FrameCamera:
     principal_point : (x0, y0) in the image system, from the format centre.
     pixel_origin : which point of the top-left pixel has the pixel coordinates (0, 0).
     mount_deg : κ_mount, 0, 90, 180 or 270; 0 means that image x points forward.
+
+    Raises
+    ------
+    InconsistentBlockError : of values that no camera has.
     """
 
     name: str
@@ -42,6 +48,31 @@ class FrameCamera:
     principal_point: tuple[float, float]
     pixel_origin: PixelOrigin
     mount_deg: int
+
+    def __post_init__(self) -> None:
+        lengths = {
+            "columns": self.columns,
+            "rows": self.rows,
+            "pixel_size": self.pixel_size,
+            "focal_length": self.focal_length,
+        }
+        for name, value in lengths.items():
+            if not 0.0 < value < np.inf:
+                raise InconsistentBlockError(f"The {name} of camera {self.name} is {value}.")
+        point = self.principal_point
+        if np.shape(point) != (2,) or not np.isfinite(point).all():
+            raise InconsistentBlockError(
+                f"The principal_point of camera {self.name} is {point}, not two lengths x0, y0."
+            )
+        for name, value, choices in (
+            ("pixel_origin", self.pixel_origin, get_args(PixelOrigin)),
+            ("mount_deg", self.mount_deg, MOUNTINGS_DEG),
+        ):
+            if value not in choices:
+                raise InconsistentBlockError(
+                    f"The {name} of camera {self.name} is {value!r}, not one of "
+                    f"{', '.join(map(repr, choices))}."
+                )
 
     @property
     def half_format(self) -> tuple[float, float]:
@@ -82,6 +113,6 @@ def nominal_mounting(mount_deg: int) -> Floats:
     ------
     ValueError : if mount_deg is not 0, 90, 180 or 270.
     """
-    if mount_deg not in (0, 90, 180, 270):
+    if mount_deg not in MOUNTINGS_DEG:
         raise ValueError(f"mount_deg must be 0, 90, 180 or 270, not {mount_deg}")
     return np.diag([1.0, -1.0, -1.0]) @ np.round(about_z(np.deg2rad(mount_deg)))

@@ -19,8 +19,8 @@ Table: TypeAlias = Literal["parameters", "images", "points", "observations"]
 _AXES = ("x", "y", "z")
 
 
-def table_of(result: AdjustmentResult, table: Table) -> pd.DataFrame:
-    """One table of a result; SI units and radians, local axes.
+def table_of(result: AdjustmentResult, table: Table, sigma0: float | None = None) -> pd.DataFrame:
+    """One table of a result; SI units and radians, local axes. σ of unknowns with σ0, None: of the residuals.
 
     Raises
     ------
@@ -28,19 +28,19 @@ def table_of(result: AdjustmentResult, table: Table) -> pd.DataFrame:
     """
     if table == "parameters":
         columns = ["parameter", "entity", "value", "sigma", "unit"]
-        return pd.DataFrame(parameter_rows(result), columns=pd.Index(columns))
+        return pd.DataFrame(parameter_rows(result, sigma0), columns=pd.Index(columns))
     if table == "images":
-        return _images(result)
+        return _images(result, sigma0)
     if table == "points":
-        return _points(result)
+        return _points(result, sigma0)
     if table == "observations":
         return _observations(result)
     raise unknown_name("table", table, get_args(Table))
 
 
-def _images(result: AdjustmentResult) -> pd.DataFrame:
+def _images(result: AdjustmentResult, sigma0: float | None) -> pd.DataFrame:
     """Projection centres and their σ, m; σ of the rotation about the camera axes, rad."""
-    sigma = sigma_of_images(result)
+    sigma = sigma_of_images(result, sigma0)
     found = pd.DataFrame({"image": result.block.images})
     for k, axis in enumerate(_AXES):
         found[axis] = result.state.pictures.projection_centre[:, k]
@@ -51,9 +51,9 @@ def _images(result: AdjustmentResult) -> pd.DataFrame:
     return found
 
 
-def _points(result: AdjustmentResult) -> pd.DataFrame:
+def _points(result: AdjustmentResult, sigma0: float | None) -> pd.DataFrame:
     """Object points and their σ, m; missing for those that were not used."""
-    sigma = sigma_of_points(result)
+    sigma = sigma_of_points(result, sigma0)
     found = pd.DataFrame({"point": result.block.points})
     for k, axis in enumerate(_AXES):
         found[axis] = np.where(result.active_point, result.state.object_point[:, k], np.nan)

@@ -131,15 +131,25 @@ class ImagePoints:
 
     @classmethod
     def measured(
-        cls, block: Block, image: ArrayLike, point: ArrayLike, xy: ArrayLike, sigma: ArrayLike
+        cls,
+        block: Block,
+        image: ArrayLike,
+        point: ArrayLike,
+        xy: ArrayLike,
+        sigma: ArrayLike,
+        self_calibration: SelfCalibration | None = None,
     ) -> Self:
         """Image points of a block, in any order.
+
+        They, and therefore their residuals, are sorted by object point: row k is that of
+        ``numpy.argsort(point, kind="stable")[k]`` with indices of the object points.
 
         Parameters
         ----------
         image, point : (n,) names, or indices, of the images and object points of the block.
         xy : (n, 2) metres, image system.
         sigma : metres; a number, or an array that broadcasts to (n, 2).
+        self_calibration : additional parameters of the cameras, which the block has, too.
 
         Raises
         ------
@@ -159,6 +169,7 @@ class ImagePoints:
             measured[order],
             as_sigmas(sigma, measured.shape)[order],
             np.ones(len(order), dtype=bool),
+            self_calibration,
             event_of_image=None if block.rig is None else block.rig.event_of_image,
         )
 

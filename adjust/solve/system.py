@@ -13,7 +13,7 @@ from adjust.errors import InconsistentBlockError
 from adjust.observations.base import JoinsPoints, ObservationGroup
 from adjust.observations.image_point import IdealRays, ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, InnerConstraints, ParameterLayout, State
-from adjust.solve.consistency import refuse_others_than
+from adjust.solve.consistency import refuse_other_calibration, refuse_others_than
 from adjust.solve.covisibility import Covisibility, covisibility, point_starts
 from adjust.solve.fronts import HelmertBlocking
 from adjust.solve.joined_points import joined_points
@@ -191,7 +191,12 @@ def with_known_basis(block: Block, observations: Observations) -> Observations:
     """With what the additional parameters do at the measured points, where those points stay.
 
     What is made of such observations, rejected or not, need not find it again.
+
+    Raises
+    ------
+    InconsistentBlockError : if the block has other additional parameters than the image points.
     """
+    refuse_other_calibration(block, observations.image_points.self_calibration)
     if ray_columns(block.layout, observations.image_points).principal_point_is_free:
         return observations
     rays = observations.image_points.with_known_basis(block.approximate_state())

@@ -155,6 +155,12 @@ GROUPS: dict[str, tuple[Callable[[], object], str]] = {
         "array of images",
     ),
     "one group": (lambda: Observations(RAYS, CONTROL), "a tuple of groups"),
+    "one name for two points": (
+        lambda: ImagePoints.measured(
+            replace(BLOCK, points=("twice", "twice", *BLOCK.points[2:])), [0], ["twice"], [[0.0, 0.0]], 1e-6
+        ),
+        "Two of the object points have the name 'twice'",
+    ),
 }
 
 
@@ -162,6 +168,11 @@ GROUPS: dict[str, tuple[Callable[[], object], str]] = {
 def test_observations_that_do_not_fit_are_refused(make: Callable[[], object], says: str) -> None:
     with pytest.raises(InconsistentBlockError, match=says):
         make()
+
+
+def camera(**changes: Any) -> Block:
+    """The block with another first camera."""
+    return replace(BLOCK, cameras=(replace(BLOCK.cameras[0], **changes), *BLOCK.cameras[1:]))
 
 
 ADJUSTMENTS: dict[str, tuple[Callable[[], object], str]] = {
@@ -181,6 +192,18 @@ ADJUSTMENTS: dict[str, tuple[Callable[[], object], str]] = {
     "flight": (
         lambda: adjusted(BLOCK, RAYS, CONTROL, replace(GNSS, flight=GNSS.flight + 7)),
         "index of its flight",
+    ),
+    "σ in pixels": (
+        lambda: adjusted(rays=replace(RAYS, sigma=np.full_like(RAYS.xy, 0.25))),
+        "standard deviations of all image coordinates are at least 0.25",
+    ),
+    "focal length in millimetres": (
+        lambda: adjusted(camera(focal_length=1e3 * BLOCK.cameras[0].focal_length)),
+        "focal length and pixel size are in metres",
+    ),
+    "pixels in micrometres": (
+        lambda: adjusted(camera(pixel_size=1e6 * BLOCK.cameras[0].pixel_size)),
+        "focal length and pixel size are in metres",
     ),
     "critical value": (lambda: adjusted(critical_value=-1.0), "critical_value = -1.0 is impossible"),
     "threads": (lambda: adjusted(threads=0), "threads = 0 is impossible"),
@@ -220,6 +243,42 @@ def test_system_parameters_that_do_not_fit_are_refused(
     names = tuple(BLOCK.cameras[0].name if name == "camera" else name for name in entities)
     with pytest.raises(InconsistentBlockError, match=says.replace("camera", BLOCK.cameras[0].name)):
         replace(BLOCK, system=(*others, SystemParameters(FAMILIES["boresight"], names, values, free)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"focal_length": -0.1}, "focal_length of camera .* is -0.1"),
+        ({"columns": 0}, "columns of camera .* is 0"),
+        ({"pixel_size": np.nan}, "pixel_size of camera .* is nan"),
+        ({"principal_point": (0.0,)}, "not two lengths x0, y0"),
+        ({"pixel_origin": "center"}, "is 'center', not one of 'corner', 'centre'"),
+        ({"mount_deg": 45}, "is 45, not one of 0, 90, 180, 270"),
+    ],
+)
+def test_cameras_that_do_not_exist_are_refused(changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(InconsistentBlockError, match=says):
+        camera(**changes)
+
+
+def test_lists_of_values_and_of_free_parameters_are_arrays() -> None:
+    names = tuple(item.name for item in BLOCK.cameras)
+    given = SystemParameters(FAMILIES["boresight"], names, [[0, 0, 0]] * len(names), [[1, 0, 1]] * len(names))  # type: ignore[arg-type]
+    assert given.values.dtype == np.float64
+    assert given.free[0].tolist() == [True, False, True]
+
+
+def test_system_parameters_of_no_family_or_of_one_family_twice_are_refused() -> None:
+    with pytest.raises(InconsistentBlockError, match=r"is 'boresight', not a Family such as FAMILIES"):
+        SystemParameters("boresight", (), np.zeros((0, 3)), np.zeros((0, 3), dtype=bool))  # type: ignore[arg-type]
+    with pytest.raises(InconsistentBlockError, match="The block has interior_orientation twice"):
+        replace(BLOCK, system=(*BLOCK.system, BLOCK.system[0]))
+
+
+@pytest.mark.parametrize("wrong", [RAYS, (RAYS, CONTROL), None])
+def test_what_is_not_observations_is_refused_with_what_is(wrong: Any) -> None:
+    with pytest.raises(TypeError, match="takes a Block, Observations and AdjustmentOptions, no"):
+        adjust_block(BLOCK, wrong)
 
 
 def test_a_name_that_does_not_exist_is_refused_with_those_that_do() -> None:

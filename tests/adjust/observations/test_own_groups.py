@@ -117,7 +117,7 @@ class Changed:
     """A group whose equations, or whatever else it says, are changed."""
 
     group: Any
-    change: Change = lambda equations: equations  # noqa: E731
+    change: Change = lambda equations: equations
     said: dict[str, Any] | None = None
 
     def __getattr__(self, name: str) -> Any:
@@ -236,5 +236,5 @@ def test_two_terms_of_object_points_need_the_statement_of_the_second() -> None:
 
 def test_what_is_no_group_is_refused_with_what_it_lacks() -> None:
     scene = two_strips()
-    with pytest.raises(AdjustmentError, match="A int is no group of observations: it has no components, event"):
+    with pytest.raises(AdjustmentError, match="A int is no group of observations: it has no components"):
         adjust_block(scene.block, with_group(scene, 3))
