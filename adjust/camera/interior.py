@@ -50,28 +50,23 @@ class FrameCamera:
     mount_deg: int
 
     def __post_init__(self) -> None:
-        lengths = {
-            "columns": self.columns,
-            "rows": self.rows,
-            "pixel_size": self.pixel_size,
-            "focal_length": self.focal_length,
-        }
-        for name, value in lengths.items():
-            if not 0.0 < value < np.inf:
-                raise InconsistentBlockError(f"The {name} of camera {self.name} is {value}.")
+        for name in ("columns", "rows", "pixel_size", "focal_length"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise InconsistentBlockError(f"The {name} of camera {self.name} is {getattr(self, name)}.")
         point = self.principal_point
         if np.shape(point) != (2,) or not np.isfinite(point).all():
             raise InconsistentBlockError(
                 f"The principal_point of camera {self.name} is {point}, not two lengths x0, y0."
             )
-        for name, value, choices in (
-            ("pixel_origin", self.pixel_origin, get_args(PixelOrigin)),
-            ("mount_deg", self.mount_deg, MOUNTINGS_DEG),
-        ):
-            if value not in choices:
+        choices: dict[str, tuple[object, ...]] = {
+            "pixel_origin": get_args(PixelOrigin),
+            "mount_deg": MOUNTINGS_DEG,
+        }
+        for name, possible in choices.items():
+            if getattr(self, name) not in possible:
                 raise InconsistentBlockError(
-                    f"The {name} of camera {self.name} is {value!r}, not one of "
-                    f"{', '.join(map(repr, choices))}."
+                    f"The {name} of camera {self.name} is {getattr(self, name)!r}, not one of "
+                    f"{', '.join(map(repr, possible))}."
                 )
 
     @property

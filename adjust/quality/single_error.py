@@ -134,8 +134,8 @@ def _hat_of_points(
     for (point, jacobian), (_, other) in zip(of_points, others, strict=True):
         hat = hat + jacobian @ cofactor.of_points[point] @ np.swapaxes(other, 1, 2)
     if len(of_points) == 2:
-        (point, first), (other, second) = of_points
-        between = cofactor.between_joined(point, other)
+        (one, first), (two, second) = of_points
+        between = cofactor.between_joined(one, two)
         mixed = first @ between @ np.swapaxes(others[1][1], 1, 2)
         hat = hat + mixed + second @ np.swapaxes(others[0][1] @ between, 1, 2)
     return hat
