@@ -13,6 +13,7 @@ from adjust.block import Block
 from adjust.errors import InconsistentBlockError
 from adjust.observations.base import JoinsPoints, Linearization, ObservationGroup, Term
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, State
+from adjust.solve.derivative_check import refuse_wrong_derivatives
 from adjust.unknown_names import unknown_name
 
 
@@ -35,6 +36,9 @@ def refuse_wrong_equations(block: Block, state: State, group: ObservationGroup) 
     for term in equations.terms:
         _refuse_wrong_term(block, state, name, shape, term)
     _refuse_other_points(group, equations)
+    # Those of this package are compared with numerical differences by its tests.
+    if not type(group).__module__.startswith("adjust."):
+        refuse_wrong_derivatives(block.layout, state, group, equations)
 
 
 def _refuse_wrong_term(block: Block, state: State, name: str, shape: tuple[int, int], term: Term) -> None:

@@ -15,6 +15,7 @@ from adjust.errors import AdjustmentError
 from adjust.observations.base import Linearization, StochasticModel, Term
 from adjust.parameters import OBJECT_POINT, State, Unit
 from adjust.result import ObservationStatus
+from adjust.solve.derivative_check import refuse_wrong_derivatives
 from adjust.solve.design_matrix import design_matrix, full_cofactor, redundancy_numbers
 from adjust.solve.system import Observations, System
 from tests.adjust.scenes import Scene, two_strips
@@ -46,6 +47,36 @@ class Offsets:
         along = np.eye(3)[self.axis][:, None, :]
         terms = (Term(OBJECT_POINT, self.point, -along), Term(OBJECT_POINT, self.other_point, along))
         return Linearization(self.given[:, None] - computed, terms)
+
+    def without(self, rejected: Bools) -> Self:
+        return replace(self, stochastic=self.stochastic.without(rejected))
+
+    def rescaled(self, factor: Floats) -> Self:
+        return replace(self, stochastic=self.stochastic.rescaled(factor))
+
+
+@dataclass(frozen=True, eq=False)
+class Azimuths:
+    """Directions in plan from one object point to another, radians."""
+
+    point: Ints
+    other_point: Ints
+    given: Floats
+    stochastic: StochasticModel
+
+    name: ClassVar[str] = "azimuths"
+    components: ClassVar[tuple[str, ...]] = ("azimuth",)
+    unit: ClassVar[Unit] = "rad"
+
+    @property
+    def event(self) -> Ints:
+        return np.full(len(self.point), -1, dtype=np.int64)
+
+    def linearize(self, state: State) -> Linearization:
+        x, y, _ = (state.object_point[self.other_point] - state.object_point[self.point]).T
+        across = (np.column_stack([y, -x, np.zeros_like(x)]) / (x * x + y * y)[:, None])[:, None, :]
+        terms = (Term(OBJECT_POINT, self.point, -across), Term(OBJECT_POINT, self.other_point, across))
+        return Linearization((self.given - np.arctan2(x, y))[:, None], terms)
 
     def without(self, rejected: Bools) -> Self:
         return replace(self, stochastic=self.stochastic.without(rejected))
@@ -216,6 +247,37 @@ def test_equations_that_are_not_those_of_the_observations_are_refused(name: str)
     group = replace(changed, group=offsets(scene, ((3, 17), (21, 22))))
     with np.errstate(all="ignore"), pytest.raises(AdjustmentError, match=message):
         adjust_block(scene.block, with_group(scene, group))
+
+
+@pytest.mark.parametrize("sigma", [1e-9, SIGMA, 1e6])
+@pytest.mark.parametrize("factor", [-1.0, 1.05, 3.0])
+def test_derivatives_that_are_not_those_of_the_misclosures_are_refused(factor: float, sigma: float) -> None:
+    scene = two_strips()
+    group = offsets(scene, ((3, 17), (21, 22)))
+    group = replace(group, stochastic=StochasticModel.from_sigma(np.full((4, 1), sigma)))
+    wrong = Changed(group, term(lambda t: replace(t, jacobian=factor * t.jacobian)))
+    message = "offsets: the derivatives with respect to object_point are not those of the misclosures"
+    with pytest.raises(AdjustmentError, match=message):
+        adjust_block(scene.block, with_group(scene, wrong))
+    system = System.of(scene.block, with_group(scene, Changed(group)))
+    assert system.observations.others[-1].linearize(scene.truth).misclosure.shape == (4, 1)
+
+
+def test_derivatives_of_what_is_far_from_linear_are_not_refused() -> None:
+    """Directions at object points to others nearby, in a frame with large coordinates, with any σ."""
+    scene = two_strips()
+    shift = np.array([4e6, 5e5, 0.0])
+    block = replace(
+        scene.block,
+        object_point=scene.block.object_point + shift,
+        projection_centre=scene.block.projection_centre + shift,
+    )
+    pairs = np.array([[3, 17], [21, 22], [5, 9]])
+    for sigma in (1e-12, 1e-6, 1.0, 1e4):
+        model = StochasticModel.from_sigma(np.full((3, 1), sigma))
+        group = Azimuths(*pairs.T, np.zeros(3), model)
+        equations = group.linearize(block.approximate_state())
+        refuse_wrong_derivatives(block.layout, block.approximate_state(), group, equations)
 
 
 def test_two_terms_of_object_points_need_the_statement_of_the_second() -> None:

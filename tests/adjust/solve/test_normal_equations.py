@@ -93,7 +93,8 @@ class Connecting:
         term = Term(
             LEVER_ARM, np.zeros(len(self.group.point), dtype=int), np.ones((len(self.group.point), 3, 3))
         )
-        return replace(found, terms=(*found.terms, term))
+        misclosure = found.misclosure - state.system[LEVER_ARM][0].sum()
+        return replace(found, misclosure=misclosure, terms=(*found.terms, term))
 
 
 def test_only_image_points_may_connect_object_points_with_other_unknowns() -> None:
