@@ -53,7 +53,7 @@ def _step(group: ObservationGroup, terms: tuple[Term, ...]) -> Floats:
     """(d,) that changes no observation by more than a hundredth of its standard deviation."""
     sigma = np.where(group.stochastic.present, group.stochastic.sigma, np.inf)[:, :, None]
     largest = np.max([np.max(np.abs(t.jacobian) / sigma, axis=(0, 1), initial=0.0) for t in terms], axis=0)
-    return np.divide(_STEP, largest, out=np.zeros_like(largest), where=largest > 0.0)
+    return np.asarray(np.divide(_STEP, largest, out=np.zeros_like(largest), where=largest > 0.0))
 
 
 def _wrong_part(
