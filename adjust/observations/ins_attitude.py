@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adjust.arrays import Bools, Floats, Ints, as_sigmas, require_shape
+from adjust.errors import InconsistentBlockError
 from adjust.geometry import rotation
 from adjust.observations.base import Linearization, StochasticModel, Term, require_rows, require_values
 from adjust.observations.gnss_position import StripMotion
@@ -90,18 +91,28 @@ class InsAttitudes:
         Parameters
         ----------
         image : (n,) names, or indices, of its images; of a rig of its events.
-        observed : (n, 3, 3) local from body (forward, right, down).
+        observed : (n, 3, 3) local from body (forward, right, down); of a rotation of the camera
+            ``local_from_camera @ camera.body_from_camera.T``.
         sigma : roll, pitch, yaw, radians; a number, or an array that broadcasts to (n, 3).
 
         Raises
         ------
-        InconsistentBlockError : of other shapes or values.
+        InconsistentBlockError : of other shapes or values, or of axes other than those of the body.
         UnknownNameError : the block has no such image.
         """
         index = indices_of("image" if block.rig is None else "event", image, block.events)
         attitude = np.asarray(observed, dtype=np.float64)
         require_shape("The array of attitudes", attitude.shape, (len(index), 3, 3))
         weights = StochasticModel.from_sigma(as_sigmas(sigma, (len(index), 3)))
+        approximate = block.local_from_camera[index] @ np.swapaxes(block.body_from_camera[index], 1, 2)
+        cosine = 0.5 * (np.einsum("nij,nij->n", approximate, attitude) - 1.0)
+        if len(index) and np.median(cosine) < 0.0:
+            turned = np.rad2deg(np.arccos(np.clip(np.median(cosine), -1.0, 1.0)))
+            raise InconsistentBlockError(
+                f"The attitudes are turned by {turned:.0f}° (median) relative to the approximate rotations "
+                "of the images. They are local from body (forward, right, down): of a rotation of the camera "
+                "local_from_camera @ camera.body_from_camera.T."
+            )
         return cls(index, block.camera_of_event[index], attitude, block.body_from_camera[index], weights)
 
     @property

@@ -65,6 +65,13 @@ def test_rows_in_any_order_by_name_are_the_observations_of_the_block() -> None:
     np.testing.assert_array_equal(gnss.stochastic.sigma[-1], (0.1, 0.1, 0.2))
 
 
+def test_attitudes_of_cameras_are_not_taken_for_those_of_bodies() -> None:
+    with pytest.raises(InconsistentBlockError, match=r"turned by 180° \(median\).*body_from_camera\.T"):
+        InsAttitudes.measured(BLOCK, BLOCK.images, BLOCK.local_from_camera, 1e-4)
+    body = BLOCK.local_from_camera @ np.swapaxes(BLOCK.body_from_camera, 1, 2)
+    assert len(InsAttitudes.measured(BLOCK, BLOCK.images, body, 1e-4).event) == len(BLOCK.images)
+
+
 def test_points_known_in_plan_or_height_only_say_nothing_of_the_rest() -> None:
     points, true = np.array([3, 4, 5]), BLOCK.object_point[[3, 4, 5]]
     given = true + 5.0 * BLOCK.frame.local_from_enu(true)[:, :, 2]
