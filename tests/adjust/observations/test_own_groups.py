@@ -55,34 +55,18 @@ class Offsets:
         return replace(self, stochastic=self.stochastic.rescaled(factor))
 
 
-@dataclass(frozen=True, eq=False)
-class Azimuths:
+class Azimuths(Offsets):
     """Directions in plan from one object point to another, radians."""
-
-    point: Ints
-    other_point: Ints
-    given: Floats
-    stochastic: StochasticModel
 
     name: ClassVar[str] = "azimuths"
     components: ClassVar[tuple[str, ...]] = ("azimuth",)
     unit: ClassVar[Unit] = "rad"
-
-    @property
-    def event(self) -> Ints:
-        return np.full(len(self.point), -1, dtype=np.int64)
 
     def linearize(self, state: State) -> Linearization:
         x, y, _ = (state.object_point[self.other_point] - state.object_point[self.point]).T
         across = (np.column_stack([y, -x, np.zeros_like(x)]) / (x * x + y * y)[:, None])[:, None, :]
         terms = (Term(OBJECT_POINT, self.point, -across), Term(OBJECT_POINT, self.other_point, across))
         return Linearization((self.given - np.arctan2(x, y))[:, None], terms)
-
-    def without(self, rejected: Bools) -> Self:
-        return replace(self, stochastic=self.stochastic.without(rejected))
-
-    def rescaled(self, factor: Floats) -> Self:
-        return replace(self, stochastic=self.stochastic.rescaled(factor))
 
 
 def offsets(scene: Scene, pairs: tuple[tuple[int, int], ...]) -> Offsets:
@@ -275,7 +259,7 @@ def test_derivatives_of_what_is_far_from_linear_are_not_refused() -> None:
     pairs = np.array([[3, 17], [21, 22], [5, 9]])
     for sigma in (1e-12, 1e-6, 1.0, 1e4):
         model = StochasticModel.from_sigma(np.full((3, 1), sigma))
-        group = Azimuths(*pairs.T, np.zeros(3), model)
+        group = Azimuths(*pairs.T, np.zeros(3, dtype=np.int64), np.zeros(3), model)
         equations = group.linearize(block.approximate_state())
         refuse_wrong_derivatives(block.layout, block.approximate_state(), group, equations)
 
