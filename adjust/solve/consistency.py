@@ -43,9 +43,9 @@ def refuse_others_than(block: Block, observations: Observations) -> None:
     _refuse_other_rays(block, observations.image_points)
     kind = "image" if block.rig is None else "event"
     entities = {parameters.family.name: len(parameters.entities) for parameters in block.system}
-    state = block.approximate_state()
     for group in observations.groups:
-        _refuse_no_group(group)
+        if group is not observations.image_points:
+            _refuse_no_group(group)
         name = group.name
         # Only image points must have an object point; −1 elsewhere says that there is none.
         least = 0 if group is observations.image_points else -1
@@ -61,8 +61,9 @@ def refuse_others_than(block: Block, observations: Observations) -> None:
             if family.name not in entities:
                 raise InconsistentBlockError(f"{name}: the block has no {family.name}.")
             _refuse_outside(name, family.entity_kind, group.entity, entities[family.name])
-        if group is not observations.image_points:
-            refuse_wrong_equations(block, state, group)
+        # Types of this package refuse arrays of other shapes, and its tests know their derivatives.
+        if not type(group).__module__.startswith("adjust."):
+            refuse_wrong_equations(block, block.approximate_state(), group)
 
 
 def _refuse_no_group(group: object) -> None:

@@ -36,9 +36,7 @@ def refuse_wrong_equations(block: Block, state: State, group: ObservationGroup) 
     for term in equations.terms:
         _refuse_wrong_term(block, state, name, shape, term)
     _refuse_other_points(group, equations)
-    # Those of this package are compared with numerical differences by its tests.
-    if not type(group).__module__.startswith("adjust."):
-        refuse_wrong_derivatives(block.layout, state, group, equations)
+    refuse_wrong_derivatives(block.layout, state, group, equations)
 
 
 def _refuse_wrong_term(block: Block, state: State, name: str, shape: tuple[int, int], term: Term) -> None:
