@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from adjust.camera.additional.of_cameras import self_calibration
     from adjust.camera.interior import FrameCamera
     from adjust.errors import (
+        AdditionalParametersError,
         AdjustmentError,
         DatumDefectError,
         DivergenceError,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FAMILIES",
+    "AdditionalParametersError",
     "AdjustmentError",
     "AdjustmentOptions",
     "AdjustmentResult",
@@ -66,6 +68,7 @@ __all__ = [
 ]
 
 _MODULES = {
+    "AdditionalParametersError": "adjust.errors",
     "AdjustmentError": "adjust.errors",
     "AdjustmentOptions": "adjust.options",
     "AdjustmentResult": "adjust.result",

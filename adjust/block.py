@@ -63,6 +63,8 @@ class Block:
         n, e, m = len(self.images), len(self.events), len(self.points)
         for kind, name in (("cameras", "camera_of_image"), ("flights", "flight_of_image")):
             index, count = as_indices(name, getattr(self, name), n), len(getattr(self, kind))
+            if n and not count:
+                raise InconsistentBlockError(f"The block has no {kind}; its images need at least one.")
             if n and not (index.min() >= 0 and index.max() < count):
                 raise InconsistentBlockError(f"{name} has an index outside 0 … {count - 1}.")
             object.__setattr__(self, name, index)

@@ -275,9 +275,11 @@ def test_lists_of_values_and_of_free_parameters_are_arrays() -> None:
     assert given.free[0].tolist() == [True, False, True]
 
 
-def test_system_parameters_of_no_family_or_of_one_family_twice_are_refused() -> None:
+def test_system_parameters_of_no_family_and_blocks_without_flights_are_refused() -> None:
     with pytest.raises(InconsistentBlockError, match=r"is 'boresight', not a Family such as FAMILIES"):
         SystemParameters("boresight", (), np.zeros((0, 3)), np.zeros((0, 3), dtype=bool))  # type: ignore[arg-type]
+    with pytest.raises(InconsistentBlockError, match="The block has no flights"):
+        replace(BLOCK, flights=(), system=())
     with pytest.raises(InconsistentBlockError, match="The block has interior_orientation twice"):
         replace(BLOCK, system=(*BLOCK.system, BLOCK.system[0]))
 
