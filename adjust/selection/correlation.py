@@ -7,7 +7,10 @@ are known. Which others are meant makes three versions, distinguished by n_ii.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from adjust.arrays import Bools, Floats
 from adjust.selection.linear_estimate import LinearEstimate
@@ -18,6 +21,30 @@ def correlation_matrix(cofactor: Floats) -> Floats:
     variance = np.diagonal(cofactor)
     scale = 1.0 / np.sqrt(np.where(variance > 0.0, variance, np.nan))
     return np.asarray(cofactor * scale[:, None] * scale[None, :])
+
+
+def correlated_groups(correlation: Floats, limit: float) -> Mapping[tuple[int, ...], float]:
+    """Groups in which a chain of correlations beyond ±limit links all members, the strongest first.
+
+    Parameters
+    ----------
+    correlation : (g, g) of the parameters; NaN links nothing.
+
+    Returns
+    -------
+    Members of each group → the correlation of its most strongly correlated pair.
+    """
+    if len(correlation) == 0:
+        return {}
+    apart = np.where(np.eye(len(correlation), dtype=bool), 0.0, np.nan_to_num(correlation))
+    _, label = connected_components(np.abs(apart) > limit, directed=False)
+    groups = {}
+    for one in np.unique(label):
+        members = np.flatnonzero(label == one)
+        own = apart[np.ix_(members, members)].ravel()
+        if len(members) > 1:
+            groups[tuple(members.tolist())] = float(own[np.argmax(np.abs(own))])
+    return dict(sorted(groups.items(), key=lambda group: -abs(group[1])))
 
 
 def total_correlation(cofactor: Floats) -> Floats:

@@ -70,7 +70,7 @@ def adjusted_block(
     )
 
 
-def remarks_on(adjusted: Outputs, store: Store) -> Outputs:
+def remarks_on(adjusted: Outputs, store: Store, *, calibrating: bool = False) -> Outputs:
     """The findings on an adjusted block, and what the user should know about it, in sentences."""
     return describe_adjustment(
         store,
@@ -78,6 +78,7 @@ def remarks_on(adjusted: Outputs, store: Store) -> Outputs:
         model_alternatives=adjusted["model_alternatives"],
         distance_residuals=adjusted["distance_residuals"],
         residual_autocorrelation=adjusted["residual_autocorrelation"],
+        calibrating=calibrating,
     )
 
 

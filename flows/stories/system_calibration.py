@@ -143,14 +143,14 @@ def calibrated_block(project: Project, store: Store, block: PreparedBlock) -> On
             held = {**held, **found}
         undetermined = undetermined_after(judged)
     # First with the stated σ: estimated ones would hide an error of the model as noise of its group.
-    remarks = remarks_on(adjusted, store)
+    remarks = remarks_on(adjusted, store, calibrating=True)
     found_first = figures_of(merged_figures([read_notes(one["notes"]) for one in (adjusted, remarks)]))
     calibration = used.calibration
     if calibration.variance_components and not model_refuses(found_first, calibration.limits):
         weighting = used.adjustment.model_copy(update={"variance_components": True})
         used = used.model_copy(update={"adjustment": weighting})
         adjusted = adjusted_block(used, store, block)
-        remarks = remarks_on(adjusted, store)
+        remarks = remarks_on(adjusted, store, calibrating=True)
     return OneStep(used, adjusted, remarks, tuple(history))
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.calibration.flight_pattern import FlightPattern
+from adjust.selection.correlation import correlated_groups
 from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.calibration.record import Verdict
 from tasks.quantities import COMPONENTS, KINDS, is_calibrated, kind_of, named, quantity_words, written_sigma
@@ -28,10 +29,11 @@ from tasks.remarks.separability import (
     percent,
     separating,
 )
+from tasks.remarks.weak_parameters import correlation_sentence
 from tasks.settings.calibration import AcceptanceLimits
+from tasks.tables.covariance import Key, correlation_pairs, covariance_of
 
 ParameterVerdictWord: TypeAlias = Literal["determined", "weak", "not_determinable", "held"]
-Key: TypeAlias = tuple[str, str]
 
 #: A parameter of which more than half of what is known comes from its prior: (σ/σ_prior)² > 1/2.
 MOSTLY_PRIOR = float(np.sqrt(0.5))
@@ -244,6 +246,7 @@ class _Said:
 
 def flight_verdict(
     parameters: pd.DataFrame,
+    correlations: pd.DataFrame,
     verdicts: Mapping[Key, ParameterVerdict],
     pattern: FlightPattern,
     limits: AcceptanceLimits,
@@ -258,6 +261,7 @@ def flight_verdict(
 
     Parameters
     ----------
+    parameters, correlations : parameters.parquet and correlations.parquet.
     by_gnss : whether GNSS positions were observed; control alone needs neither directions nor heights.
     heads : cameras that take pictures together with other heads of a rig.
     """
@@ -279,7 +283,7 @@ def flight_verdict(
         for item in calibrated
         if item.verdict != "determined"
     ]
-    remarks = of_heads + about_strips + _about_correlations(calibrated, limits)
+    remarks = of_heads + about_strips + _about_correlations(calibrated, correlations, limits)
     return FlightVerdict(tuple(reasons), remarks=tuple(remarks))
 
 
@@ -361,22 +365,17 @@ def _about_strips(
     return ([sentence], []) if bad else ([], [sentence])
 
 
-def _about_correlations(calibrated: list[ParameterVerdict], limits: AcceptanceLimits) -> list[str]:
-    """Remarks about determined parameters that are strongly correlated, each pair once."""
-    seen: set[frozenset[Key]] = set()
-    remarks = []
-    for item in calibrated:
-        other = item.strongest
-        if item.verdict != "determined" or other is None or abs(other.correlation) <= limits.correlation:
-            continue
-        pair = frozenset({(item.parameter, item.entity), (other.parameter, other.entity)})
-        if pair not in seen:
-            seen.add(pair)
-            remarks.append(
-                f"{item} and {other} are {percent(other.correlation)} correlated, although both are "
-                "determined: use their values together only."
-            )
-    return remarks
+def _about_correlations(
+    calibrated: list[ParameterVerdict], correlations: pd.DataFrame, limits: AcceptanceLimits
+) -> list[str]:
+    """Remarks about determined parameters that are strongly correlated, one for each group."""
+    determined = [item for item in calibrated if item.verdict == "determined"]
+    keys = [(item.parameter, item.entity) for item in determined]
+    matrix = covariance_of(keys, dict.fromkeys(keys, 1.0), correlation_pairs(correlations))
+    return [
+        correlation_sentence([str(determined[k]) for k in members], strongest)
+        for members, strongest in correlated_groups(matrix, limits.correlation).items()
+    ]
 
 
 def _number(value: object) -> float | None:

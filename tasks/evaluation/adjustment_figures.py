@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 import pandas as pd
 
@@ -9,7 +11,7 @@ from adjust.arrays import Floats
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import Quantity
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
-from adjust.selection.correlation import correlation_matrix
+from adjust.selection.correlation import correlated_groups, correlation_matrix
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.evaluation.surveyed_differences import (
     left_out_figures,
@@ -160,11 +162,11 @@ def _each_axis(table: pd.DataFrame, figure) -> list[JSON] | None:  # type: ignor
 CORRELATED = 0.98
 # Part of a direction (unit length) from which a parameter is named.
 _INVOLVED = 0.3
-_MOST_PAIRS, _MOST_MODES = 5, 3
+_MOST_GROUPS, _MOST_MODES = 5, 3
 
 
 def weak_parameters(parameters: tuple[Quantity, ...], correlation: Floats) -> tuple[WeakParameters, ...]:
-    """Pairs, the most correlated first, and combinations that contain none of them.
+    """Groups of strongly correlated parameters, strongest first, and combinations that none of them explains.
 
     Parameters
     ----------
@@ -172,13 +174,15 @@ def weak_parameters(parameters: tuple[Quantity, ...], correlation: Floats) -> tu
     """
     if len(parameters) < 2:
         return ()
-    pairs = _pairs(correlation)
-    explained = {frozenset(pair) for pair in pairs}
+    groups = correlated_groups(correlation, CORRELATED)
     modes = [
-        members for members in _modes(correlation) if not any(pair <= set(members) for pair in explained)
+        members
+        for members in _modes(correlation)
+        if not any(len(set(group) & set(members)) > 1 for group in groups)
     ]
+    strongest = islice(groups.items(), _MOST_GROUPS)
     return (
-        *(_figure([parameters[a], parameters[b]], float(correlation[a, b])) for a, b in pairs),
+        *(_figure([parameters[k] for k in members], value) for members, value in strongest),
         *(_figure([parameters[k] for k in members]) for members in modes),
     )
 
@@ -189,14 +193,6 @@ def _figure(members: list[Quantity], correlation: float | None = None) -> WeakPa
         entities=tuple(item.entity for item in members),
         correlation=correlation,
     )
-
-
-def _pairs(correlation: Floats) -> list[tuple[int, int]]:
-    """The most strongly correlated pairs, strongest first."""
-    first, second = np.triu_indices(len(correlation), 1)
-    size = np.abs(correlation[first, second])
-    order = np.argsort(-size, kind="stable")[:_MOST_PAIRS]
-    return [(int(first[k]), int(second[k])) for k in order if size[k] > CORRELATED]
 
 
 def _modes(correlation: Floats) -> list[tuple[int, ...]]:

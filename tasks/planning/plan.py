@@ -17,7 +17,6 @@ from adjust.planning.network import PlannedNetwork
 from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.calibration.verdicts import (
     FlightVerdict,
-    Key,
     ParameterVerdict,
     flight_verdict,
     parameter_verdicts,
@@ -27,7 +26,7 @@ from tasks.errors import NotComputableError
 from tasks.first_run import announce_compilation
 from tasks.planning.request import PlanRequest
 from tasks.quantities import is_calibrated, reported
-from tasks.tables.covariance import correlation_table
+from tasks.tables.covariance import Key, correlation_table
 
 
 def expected_parameters(expected: APriori) -> pd.DataFrame:
@@ -195,6 +194,7 @@ def _expectation(network: PlannedNetwork, request: PlanRequest) -> Expectation:
         verdicts,
         flight_verdict(
             parameters,
+            correlations,
             verdicts,
             pattern,
             request.limits,

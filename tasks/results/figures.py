@@ -280,7 +280,10 @@ class CorrelationTimeFigure(Figure):
 
 
 class WeakParameters(Figure):
-    """System parameters that the block hardly separates; ``correlation`` of a pair, null of a combination."""
+    """System parameters that the block hardly separates.
+
+    ``correlation``: the largest one between two of them; null of a combination without a strong one.
+    """
 
     parameters: tuple[str, ...]
     entities: tuple[str, ...]

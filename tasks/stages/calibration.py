@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any, cast
@@ -28,6 +29,7 @@ from tasks.calibration.verdicts import (
 )
 from tasks.files.json_text import JSON
 from tasks.quantities import is_calibrated, kind_of
+from tasks.remarks.weak_parameters import weak_parameter_sentences
 from tasks.results.calibration_figures import (
     CalibrationFigures,
     CalibrationVerdictFigure,
@@ -163,8 +165,12 @@ def _found(
     verdicts = {key: _refused(item, held) for key, item in judged.items()}
     by_gnss = any(item.group == "gnss_positions" for item in evidence.adjusted.groups)
     heads = heads_of_rigs(cameras, images)
-    of_flight = flight_verdict(table, verdicts, pattern, settings.limits, by_gnss=by_gnss, heads=heads)
-    of_flight = _with_held(of_flight, held)
+    of_flight = flight_verdict(table, pairs, verdicts, pattern, settings.limits, by_gnss=by_gnss, heads=heads)
+    determined = {
+        key for key, item in verdicts.items() if item.verdict == "determined" and is_calibrated(key[0])
+    }
+    others = weak_parameter_sentences(evidence.adjusted.weak_parameters, determined)
+    of_flight = _with_held(replace(of_flight, remarks=(*of_flight.remarks, *others)), held)
     of_flight = of_flight.beside(*evidence.objections(settings.limits))
     by_height = flights_by_height(images, pattern)
     undetermined = {item.parameter for item in verdicts.values() if item.verdict == "not_determinable"}

@@ -43,6 +43,8 @@ def write_remarks(
     model_alternatives: Artifact,
     distance_residuals: Artifact,
     residual_autocorrelation: Artifact,
+    *,
+    calibrating: bool,
 ) -> None:
     """Write the remarks on an adjustment; see `tasks.stages.remarks_stage`."""
     written = read_notes(notes).figures
@@ -52,7 +54,7 @@ def write_remarks(
     distances, neighbours = read_table(distance_residuals), read_table(residual_autocorrelation)
     said = (
         *_of_tests(figures, summary, distances, findings),
-        *_of_adjustment(figures, summary),
+        *_of_adjustment(figures, summary, calibrating),
         *residual_grid_sentences(figures.residual_grid, neighbours),
         *(trust_map_sentences(figures.trust_map_grid) if "trust_map_grid" in written else ()),
     )
@@ -79,14 +81,15 @@ def _of_tests(
         yield from strip_scatter_sentences(figures.strip_scatter)
 
 
-def _of_adjustment(figures: AdjustmentFigures, summary: Summary) -> Iterator[str]:
+def _of_adjustment(figures: AdjustmentFigures, summary: Summary, calibrating: bool) -> Iterator[str]:
     """What the user should know about the result, most serious first."""
     yield from free_network_sentences(figures.free_network)
     yield from global_test_sentences(figures, summary.sigma0 or 0.0, summary.redundancy or 0.0)
     yield from group_sentences(figures)
     yield from variance_sentences(figures.variance_components)
     yield from correlation_time_sentences(figures.correlation_times)
-    yield from weak_parameter_sentences(figures.weak_parameters)
+    if not calibrating:
+        yield from weak_parameter_sentences(figures.weak_parameters)
     yield from rejection_sentences(figures)
     yield from shared_moment_sentences(figures.shared_moments)
     yield from self_calibration_sentences(figures)

@@ -16,14 +16,17 @@ def describe_adjustment(
     model_alternatives: Artifact,
     distance_residuals: Artifact,
     residual_autocorrelation: Artifact,
+    calibrating: bool = False,
 ) -> None:
     """Write notes: the findings of the model tests, and what the user should know, most serious first.
 
     Parameters
     ----------
     notes, model_alternatives, distance_residuals, residual_autocorrelation : outputs of the adjustment.
+    calibrating : whether a calibration follows, which says itself which parameters cannot be separated.
     """
     # A run that finds the output stored never loads what reads its tables.
     from tasks.stages.remarks import write_remarks
 
-    write_remarks(folder, notes, model_alternatives, distance_residuals, residual_autocorrelation)
+    tables = (model_alternatives, distance_residuals, residual_autocorrelation)
+    write_remarks(folder, notes, *tables, calibrating=calibrating)

@@ -201,6 +201,17 @@ def test_the_flight_is_accepted(calibrated: Path) -> None:
     assert figures["verdict"] == "accepted"
 
 
+def test_correlations_of_the_heads_are_said_once_and_not_as_if_nothing_were_determined(
+    calibrated: Path,
+) -> None:
+    summary = json.loads((calibrated / "summary.json").read_text())
+    said = [sentence for sentence in summary["problems"] if "correlated" in sentence]
+    assert len(said) == 3  # one for each axis
+    assert all("although all are determined" in sentence for sentence in said)
+    assert not any("hardly" in sentence for sentence in summary["problems"])
+    assert set(said) <= set(summary["calibration"]["remarks"])
+
+
 def test_boresight_of_a_platform_beside_all_its_heads_is_refused(tmp_path: Path) -> None:
     changes = ("flight.exposures=3", "points.count=200")
     project = simulate_project(load_simulation("dmc-heads", changes, 1), tmp_path / "flight").project_file

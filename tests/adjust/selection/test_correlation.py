@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adjust.selection.correlation import (
+    correlated_groups,
     correlation_matrix,
     total_correlation,
     total_correlation_in_block,
@@ -53,3 +54,13 @@ def test_the_more_others_are_counted_the_larger_the_total_correlation(seed: int,
     assert np.isnan(everything[0])
     assert np.all(some[known] <= everything[known] + 1e-7)
     assert np.all(everything[1:] <= in_block[1:] + 1e-7)
+
+
+def test_parameters_are_in_one_group_if_a_chain_of_correlations_links_them() -> None:
+    correlation = np.eye(6)
+    for a, b, value in ((0, 3, 0.97), (3, 4, -0.99), (1, 5, 0.995), (2, 5, 0.9)):
+        correlation[a, b] = correlation[b, a] = value
+    assert list(correlated_groups(correlation, 0.95).items()) == [((1, 5), 0.995), ((0, 3, 4), -0.99)]
+    assert correlated_groups(correlation, 0.98) == {(1, 5): 0.995, (3, 4): -0.99}
+    assert correlated_groups(np.full((2, 2), np.nan), 0.95) == {}
+    assert correlated_groups(np.zeros((0, 0)), 0.95) == {}

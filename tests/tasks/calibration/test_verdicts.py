@@ -80,9 +80,10 @@ def judged(
     **pairs: float,
 ) -> tuple[dict[str, ParameterVerdict], FlightVerdict]:
     flown, limits = flown or pattern(), limits or AcceptanceLimits()
-    verdicts = parameter_verdicts(parameters, correlated(parameters, **pairs), flown, limits)
+    correlations = correlated(parameters, **pairs)
+    verdicts = parameter_verdicts(parameters, correlations, flown, limits)
     found = {key[0]: verdict for key, verdict in verdicts.items()}
-    return found, flight_verdict(parameters, verdicts, flown, limits, heads=heads)
+    return found, flight_verdict(parameters, correlations, verdicts, flown, limits, heads=heads)
 
 
 def test_a_flight_within_all_limits_is_accepted_whatever_the_correlation() -> None:
@@ -91,6 +92,16 @@ def test_a_flight_within_all_limits_is_accepted_whatever_the_correlation() -> No
     assert flight.verdict == "accepted"
     assert flight.reasons == ()
     assert any("97 % correlated" in remark for remark in flight.remarks)
+
+
+def test_determined_parameters_that_are_correlated_in_a_chain_are_one_remark() -> None:
+    pairs = {"focal_length__gnss_shift_z": -0.97, "gnss_shift_y__gnss_shift_z": 0.96}
+    _, flight = judged(table(GOOD), **pairs)
+    found = [remark for remark in flight.remarks if "correlated" in remark]
+    assert found == [
+        "focal_length of UCE, gnss_shift_y of 1 and gnss_shift_z of 1 are up to 97 % correlated, although "
+        "all are determined: use their values together only."
+    ]
 
 
 @pytest.mark.parametrize("parameter", sorted(GOOD))

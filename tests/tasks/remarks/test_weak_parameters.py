@@ -101,3 +101,41 @@ def test_separated_parameters_give_no_sentence() -> None:
     assert sentences(parameters("focal_length", "gnss_shift_z"), correlation(2, p0_1=0.9)) == []
     assert sentences(parameters("focal_length"), np.eye(1)) == []
     assert sentences((), np.zeros((0, 0))) == []
+
+
+def of_heads() -> tuple[tuple[Quantity, ...], np.ndarray]:
+    """Roll and yaw of four heads, which have the errors of the platform in common."""
+    names = tuple(
+        Quantity(f"relative_rotation_{axis}", camera=f"H{k}") for axis in ("roll", "yaw") for k in range(4)
+    )
+    common = np.kron(np.eye(2), np.ones((4, 4)))
+    return names, 0.991 * common + 0.009 * np.eye(8)
+
+
+def test_what_many_parameters_have_in_common_is_one_sentence() -> None:
+    roll, yaw = sentences(*of_heads())
+    for axis, sentence in (("roll", roll), ("yaw", yaw)):
+        assert all(f"relative_rotation_{axis} of H{k}" in sentence for k in range(4))
+        assert "are up to 99.1 % correlated" in sentence
+
+
+def test_heads_are_not_said_to_be_hardly_separable_as_their_differences_are_well_known() -> None:
+    for sentence in sentences(*of_heads()):
+        assert "separate them" not in sentence
+        assert "held" not in sentence
+        assert "against each other" in sentence
+
+
+def test_what_a_calibration_has_determined_is_left_to_its_verdict() -> None:
+    names, matrix = of_heads()
+    found = weak_parameters(names, matrix)
+    rolls = {(item.name, item.entity) for item in names[:4]}
+    (yaw,) = weak_parameter_sentences(found, determined=rolls)
+    assert "relative_rotation_yaw of H0" in yaw
+    combination = WeakParameters(
+        parameters=("gnss_shift_x", "principal_point_x", "lever_arm_x"), entities=("1", "C", "C")
+    )
+    members = set(zip(combination.parameters, combination.entities, strict=True))
+    (sentence,) = weak_parameter_sentences((combination,), determined=members)
+    assert "although all are determined: use their values together only." in sentence
+    assert "hardly" not in sentence
