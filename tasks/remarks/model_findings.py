@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -41,6 +41,10 @@ class _Kind:
 
 _SMALL = "It is too small for a mistake that is made as a whole; an unknown error has a similar effect."
 _REJECT = ", or reject gross errors (adjustment.rejection)"
+_NO_REJECTION = (
+    ", then those of the other points: rejecting gross errors would not tell them from each other, more "
+    "control points or GNSS positions would"
+)
 _KINDS: Mapping[str, _Kind] = {
     "lever_arm": _Kind(
         "The lever arm of camera {entity}{where} looks wrong by {size} (forward x, right y, down z)",
@@ -188,7 +192,7 @@ def model_findings(alternatives: pd.DataFrame, *, rejecting: bool = False) -> tu
         key = (kind, str(row["entity"]), str(row["scope"]), str(row["part"]))
         causes.setdefault(key, []).append(row)
     return tuple(
-        _finding(number, key, rows, runner_up, "" if rejecting else _REJECT)
+        _finding(number, key, rows, runner_up, rejecting)
         for number, (key, rows) in enumerate(causes.items(), start=1)
     )
 
@@ -238,7 +242,7 @@ def _finding(
     key: tuple[str, str, str, str],
     rows: list[Mapping[Hashable, object]],
     runner_up: str,
-    reject: str,
+    rejecting: bool,
 ) -> ModelFinding:
     kind, entity, scope, part = key
     moving = max(rows, key=lambda row: float(str(row["moved_by_estimate"])))
@@ -279,7 +283,8 @@ def _finding(
     )
     tested = f"(t = {size}, critical value {critical:.1f}{runner_up})"
     remedy = words.remedy if part or not words.whole else f"{words.whole} {words.remedy}"
-    sentence = f"{text} {tested}.{alike}{effect} {remedy.replace('{reject}', reject)}"
+    remedy = remedy.replace("{reject}", "" if rejecting else _of_rejection(kind, entity, others))
+    sentence = f"{text} {tested}.{alike}{effect} {remedy}"
     return ModelFinding(
         rank=number,
         quantity=kind,
@@ -291,6 +296,13 @@ def _finding(
         moved_by=moved_by,
         sentence=sentence,
     )
+
+
+def _of_rejection(kind: str, entity: str, others: Iterable[str]) -> str:
+    """What rejection would do; of control points that look alike it rejects none."""
+    points = [other for other in others if other.startswith("control point ")]
+    alike = kind == "control_point" and any(not other.endswith(f" of {entity}") for other in points)
+    return _NO_REJECTION if alike else _REJECT
 
 
 def _is_small(row: Mapping[Hashable, object]) -> bool:

@@ -119,6 +119,25 @@ def test_rejection_is_advised_only_where_nothing_is_rejected() -> None:
     assert found.sentence.endswith("Check its time and its solution.")
 
 
+@pytest.mark.parametrize("rejecting", [False, True])
+@pytest.mark.parametrize(
+    ("alike", "others"),
+    [
+        ("control scale, control point z of C049", True),
+        ("control height scale, control point x of C001", False),
+    ],
+)
+def test_rejection_is_not_advised_where_it_cannot_tell_which_control_point_is_wrong(
+    alike: str, others: bool, rejecting: bool
+) -> None:
+    rows = pd.DataFrame([row("control_point_z", 1, 3.79, entity="C001", alike=alike)])
+    (found,) = model_findings(rows, rejecting=rejecting)
+    assert ("or reject gross errors (adjustment.rejection)" in found.sentence) == (
+        not others and not rejecting
+    )
+    assert ("rejecting gross errors would not tell them" in found.sentence) == (others and not rejecting)
+
+
 def test_the_same_thing_in_two_strips_is_two_causes() -> None:
     rows = [
         row("boresight_roll", k + 1, 0.02, unit="deg", scope="strip", part=f"E0{k}", explained_sigma=0.001)
