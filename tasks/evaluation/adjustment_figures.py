@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
+from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import Quantity
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.selection.correlation import correlated_groups, correlation_matrix
@@ -80,6 +82,7 @@ def adjustment_figures(
         "groups": [_group_figure(group).to_json() for group in result.groups],
         "variance_components": variance_figures(result),
         "correlation_times": correlation_figures(result, settings.correlation_times_s),
+        "without_effect": without_effect(result, settings),
         "datum": [
             DatumFigure(direction=share.direction, sigma=share.sigma, held_by=dict(share.shares)).to_json()
             for share in result.datum
@@ -93,6 +96,18 @@ def adjustment_figures(
         ],
         "frame": adjusted.map_frame.description,
     }
+
+
+def without_effect(result: AdjustmentResult, settings: AdjustmentSettings) -> list[JSON]:
+    """Keys of settings about what this adjustment does not use."""
+    observed = {group.group.name for group in result.groups}
+    times = {"gnss_correlation_s": GnssPositions.name, "ins_correlation_s": InsAttitudes.name}
+    found: list[JSON] = [
+        key for key, group in times.items() if getattr(settings, key) is not None and group not in observed
+    ]
+    if settings.variance_components_by and not settings.variance_components:
+        found.append("variance_components_by")
+    return found
 
 
 def _group_figure(group: GroupResult) -> GroupFigure:

@@ -35,6 +35,11 @@ _UNCONTROLLED = {
         "heights of points in two images",
     ),
 }
+_WITHOUT_EFFECT = {
+    "gnss_correlation_s": "no GNSS positions are observed",
+    "ins_correlation_s": "no INS attitudes are observed",
+    "variance_components_by": "variance components are not estimated (adjustment.variance_components)",
+}
 _CONSTRAINED = {
     "object_points": "object points",
     "projection_centres": "projection centres",
@@ -196,6 +201,12 @@ def self_calibration_sentences(figures: AdjustmentFigures) -> Iterator[str]:
             f"{' …' if len(lost) > _MOST_PARAMETERS else ''} (self_calibration.parquet lists the parameters "
             f"from which {'it' if len(lost) == 1 else 'each'} cannot be separated)."
         )
+
+
+def without_effect_sentences(keys: Sequence[str]) -> Iterator[str]:
+    """Settings of the adjustment that change nothing, and why."""
+    for key in keys:
+        yield f"adjustment.{key} has no effect on the adjustment: {_WITHOUT_EFFECT[key]}."
 
 
 def shared_moment_sentences(shared: SharedMoments | None) -> Iterator[str]:

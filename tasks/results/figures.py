@@ -418,6 +418,7 @@ class AdjustmentFigures(Figure):
     variance_components: VarianceFigures | None = None
     correlation_times: tuple[CorrelationTimeFigure, ...] | None = None
     weak_parameters: tuple[WeakParameters, ...] = ()
+    without_effect: tuple[str, ...] = ()
     shared_moments: SharedMoments | None = None
     model_findings: tuple[ModelFinding, ...] = ()
     strip_scatter: tuple[StripScatter, ...] = ()

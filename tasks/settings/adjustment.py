@@ -132,7 +132,8 @@ class AdjustmentSettings(Settings):
     """
     variance_components_by: tuple[VarianceDivision, ...] = ()
     """Divisions of the groups for the estimation of variance components: image points by `file` (for manual
-    and automatic measurements delivered separately) and by `camera`; GNSS and INS by `flight`.
+    and automatic measurements delivered separately) and by `camera`; GNSS and INS by `flight`. Used only
+    where variance components are estimated.
     """
     control_folds: Annotated[Whole, Field(ge=2)] | None = None
     """Number of folds into which the control points are divided, each over the whole area. The points of a

@@ -20,6 +20,7 @@ from tasks.remarks.adjustment import (
     self_calibration_sentences,
     shared_moment_sentences,
     trust_map_sentences,
+    without_effect_sentences,
 )
 from tasks.remarks.independent_checks import check_point_sentences, distance_sentences
 from tasks.remarks.model_findings import model_findings, strip_scatter_sentences
@@ -94,3 +95,4 @@ def _of_adjustment(figures: AdjustmentFigures, summary: Summary, calibrating: bo
     yield from shared_moment_sentences(figures.shared_moments)
     yield from self_calibration_sentences(figures)
     yield from unestimated_sentences(figures.variance_components, figures.correlation_times)
+    yield from without_effect_sentences(figures.without_effect)

@@ -85,6 +85,27 @@ def test_leaving_the_correlation_out_promises_too_much(delivered: Path) -> None:
         assert white[parameter] < 0.8 * right[parameter], parameter
 
 
+def test_correlation_times_and_divisions_of_what_the_adjustment_does_not_use_are_named(
+    delivered: Path,
+) -> None:
+    def named(*overrides: str) -> list[str]:
+        outcome = run(delivered, 'adjustment.variance_components_by=["flight"]', *overrides)
+        assert outcome.error is None, outcome.error
+        return [text for text in outcome.summary.problems if "has no effect" in text]
+
+    divided = (
+        "adjustment.variance_components_by has no effect on the adjustment: variance components are not "
+        "estimated (adjustment.variance_components)."
+    )
+    assert named() == [divided]
+    assert named('adjustment.observe=["control"]', "adjustment.free=[]") == [
+        "adjustment.gnss_correlation_s has no effect on the adjustment: no GNSS positions are observed.",
+        "adjustment.ins_correlation_s has no effect on the adjustment: no INS attitudes are observed.",
+        divided,
+    ]
+    assert named("adjustment.variance_components=true") == []
+
+
 def test_estimated_correlation_times_are_reported_with_their_limits(delivered: Path) -> None:
     """From wrong times the true ones are found, and it is said that the stated ones are wrong.
 
