@@ -45,7 +45,7 @@ _SHORT = 3
 def read_table(
     path: Path, required: Sequence[str], optional: Sequence[str], numeric: Sequence[str], layout: TableLayout
 ) -> tuple[TextTable, Mapping[str, pa.Array]]:
-    """The rows of a table, and its further columns as text (n,).
+    """The rows of a table, and its further columns as text (n,), without those declared to be unused.
 
     Parameters
     ----------
@@ -65,8 +65,7 @@ def read_table(
     )
     table = read_rows(text, rows, read, first_line)
     known = {*required, *optional}
-    extra = {name: table.remarks(name) for name in names if name not in known}
-    return table, extra
+    return table, {name: table.remarks(name) for name in _watched(names, layout) if name not in known}
 
 
 def _columns(
@@ -82,9 +81,13 @@ def _columns(
     needed = [name for name in required if name not in layout.elsewhere]
     refuse_other_separator(fields, needed, layout, first, text.file, line)
     _check_columns(names, needed, optional, text.file, line, layout)
-    watched = [name for name in names if name.removesuffix(OF_THE_FILE) not in layout.unused]
-    _refuse_near_misses(watched, required, optional, text.file, line)
+    _refuse_near_misses(_watched(names, layout), required, optional, text.file, line)
     return line + layout.header, names, chain([first] if first else [], rows)
+
+
+def _watched(names: Sequence[str], layout: TableLayout) -> list[str]:
+    """The columns that are not declared to be unused."""
+    return [name for name in names if name.removesuffix(OF_THE_FILE) not in layout.unused]
 
 
 def _header(text: DeliveredLines, layout: TableLayout) -> tuple[int, list[str], Iterator[bytes]]:

@@ -191,7 +191,7 @@ def read_csv_cameras(path: Path, layout: TableLayout = _OURS) -> Mapping[str, Ca
     table, extra = read_table(path, required, _CERTIFIED, (*required[1:], *_CERTIFIED), layout)
     if len(table) > _MOST_CAMERAS:
         raise Location(path).error(f"There are {len(table):,} cameras.", "Deliver those of the block.")
-    _refuse_distortion(table, {name: extra[name] for name in extra if name not in layout.unused})
+    _refuse_distortion(table, extra)
     found: dict[str, CameraRecord] = {}
     sizes = table.numbers(_SIZE)
     lengths, principal_point = table.numbers(_LENGTHS), table.numbers(_PRINCIPAL_POINT, may_be_empty=True)

@@ -109,7 +109,7 @@ def test_declarations_that_cannot_be_are_refused(file, columns, said):
 def test_a_heading_like_ours_can_be_declared_unused(file):
     path = file("point,x,y,z,sigma_east\nA,1,2,3,0.1\n")
     assert 'unused = ["sigma_east"]' in remedy_of(read_csv_control, path)
-    assert read_csv_control(path, TableLayout(unused=("sigma_east",))).extra["sigma_east"][0].as_py() == "0.1"
+    assert np.isnan(read_csv_control(path, TableLayout(unused=("sigma_east",))).sigma).all()
     assert read_csv_control(path, TableLayout(columns={"sx": "sigma_east"})).sigma[0, 0] == 0.1
 
 
@@ -121,9 +121,12 @@ def test_a_heading_of_ours_that_is_declared_unused_is_not_read(file):
     assert np.isnan(read.sigma).all()
     with pytest.raises(InputError, match="lacks the column z"):
         read_csv_control(path, TableLayout(unused=("z",)))
+    # What is declared to be unused is no news, and kept nowhere.
+    assert read.extra == {}
     # Another column may have the place of the one that is not read.
     moved = TableLayout(columns={"z": "Std X"}, unused=("z",))
     assert read_csv_control(path, moved).position.tolist() == [[1.0, 2.0, 0.1]]
+    assert read_csv_control(path, moved).extra == {}
 
 
 def test_an_unused_column_that_the_file_does_not_have_is_refused(file):
