@@ -42,8 +42,8 @@ class _Kind:
 _SMALL = "It is too small for a mistake that is made as a whole; an unknown error has a similar effect."
 _REJECT = ", or reject gross errors (adjustment.rejection)"
 _NO_REJECTION = (
-    ", then those of the other points: rejecting gross errors would not tell them from each other, more "
-    "control points or GNSS positions would"
+    ", then those of the other points; rejecting gross errors cannot determine which of them is wrong, more "
+    "control points or GNSS positions can"
 )
 _KINDS: Mapping[str, _Kind] = {
     "lever_arm": _Kind(
