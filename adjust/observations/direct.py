@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, as_sigmas, require_shape
 from adjust.observations.base import Linearization, StochasticModel, Term, require_rows, require_values
 from adjust.parameters import Family, State, Unit
+from adjust.unknown_names import NamedValues, indices_of
+
+if TYPE_CHECKING:
+    from adjust.block import Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +39,28 @@ class DirectObservations:
     def __post_init__(self) -> None:
         require_rows(self, ("entity",), given=(len(self.components),))
         require_values(self, np.isfinite(self.given))
+
+    @classmethod
+    def known(cls, block: Block, family: str, entity: ArrayLike, given: ArrayLike, sigma: ArrayLike) -> Self:
+        """What is known beforehand of system parameters of a block.
+
+        Parameters
+        ----------
+        family : name of a family of the block.
+        entity : (n,) names, or indices, of its cameras, flights or strips.
+        given : (n, d) values, SI and radians, or the family's own units.
+        sigma : of the same units, NaN of what is not known; a number, or an array that broadcasts to (n, d).
+
+        Raises
+        ------
+        InconsistentBlockError : of other shapes or values.
+        UnknownNameError : the block has no such family, camera, flight or strip.
+        """
+        own = NamedValues({one.family.name: one for one in block.system})[family]
+        index = indices_of(own.family.entity_kind, entity, own.entities)
+        values = np.asarray(given, dtype=np.float64)
+        require_shape(f"The array of {family}", values.shape, (len(index), len(own.family.components)))
+        return cls(own.family, index, values, StochasticModel.from_sigma(as_sigmas(sigma, values.shape)))
 
     @property
     def name(self) -> str:

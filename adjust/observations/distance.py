@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, as_sigmas, require_shape
 from adjust.observations.base import Linearization, StochasticModel, Term, require_rows, require_values
 from adjust.parameters import OBJECT_POINT, State, Unit
+from adjust.unknown_names import indices_of
+
+if TYPE_CHECKING:
+    from adjust.block import Block
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +42,30 @@ class Distances:
     def __post_init__(self) -> None:
         require_rows(self, ("point", "other_point"), given=())
         require_values(self, np.isfinite(self.given)[:, None])
+
+    @classmethod
+    def measured(
+        cls, block: Block, point: ArrayLike, other_point: ArrayLike, given: ArrayLike, sigma: ArrayLike
+    ) -> Self:
+        """Distances between object points of a block.
+
+        Parameters
+        ----------
+        point, other_point : (n,) names, or indices, of object points of the block.
+        given : (n,) metres.
+        sigma : metres; a number, or (n,).
+
+        Raises
+        ------
+        InconsistentBlockError : of other shapes or values.
+        UnknownNameError : the block has no such object point.
+        """
+        one, other = (indices_of("object point", end, block.points) for end in (point, other_point))
+        require_shape("The array of other ends", other.shape, one.shape)
+        distance = np.asarray(given, dtype=np.float64)
+        require_shape("The array of distances", distance.shape, one.shape)
+        weights = StochasticModel.from_sigma(as_sigmas(sigma, one.shape)[:, None])
+        return cls(one, other, distance, weights)
 
     @property
     def event(self) -> Ints:

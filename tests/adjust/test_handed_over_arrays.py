@@ -15,6 +15,7 @@ from adjust import (
     Block,
     ControlPoints,
     DatumDefectError,
+    DirectObservations,
     Distances,
     GnssPositions,
     ImagePoints,
@@ -82,6 +83,23 @@ def test_points_known_in_plan_or_height_only_say_nothing_of_the_rest() -> None:
     found = control.linearize(BLOCK.approximate_state()).misclosure
     np.testing.assert_allclose(found[:2], [[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]], atol=1e-9)
     np.testing.assert_allclose(found[2], [0.0, 0.0, 5.0], atol=1e-4)
+
+
+def test_distances_and_known_parameters_are_given_by_name() -> None:
+    points, others = [BLOCK.points[0], BLOCK.points[7]], [BLOCK.points[3], BLOCK.points[3]]
+    distances = Distances.measured(BLOCK, points, others, [210.0, 95.5], sigma=[0.01, 0.02])
+    np.testing.assert_array_equal(distances.point, [0, 7])
+    np.testing.assert_array_equal(distances.other_point, [3, 3])
+    np.testing.assert_array_equal(distances.given, [210.0, 95.5])
+    np.testing.assert_array_equal(distances.stochastic.sigma, [[0.01], [0.02]])
+    camera = BLOCK.cameras[0].name
+    known = DirectObservations.known(BLOCK, "boresight", [camera], [[1e-3, 0.0, 0.0]], (1e-4, 1e-4, np.nan))
+    assert known.family is FAMILIES["boresight"]
+    np.testing.assert_array_equal(known.entity, [0])
+    np.testing.assert_array_equal(known.given, [[1e-3, 0.0, 0.0]])
+    np.testing.assert_array_equal(known.stochastic.sigma, [[1e-4, 1e-4, np.nan]])
+    shift = DirectObservations.known(BLOCK, "gnss_shift", BLOCK.flights, np.zeros((1, 3)), 0.05)
+    np.testing.assert_array_equal(shift.stochastic.sigma, [[0.05, 0.05, 0.05]])
 
 
 def test_small_integers_and_numbers_of_32_bits_are_what_they_stand_for() -> None:
@@ -160,6 +178,15 @@ GROUPS: dict[str, tuple[Callable[[], object], str]] = {
     "images of other rows": (
         lambda: ImagePoints.measured(BLOCK, [0, 1], [0], [[0.0, 0.0]], 1.0),
         "array of images",
+    ),
+    "distances of other rows": (
+        lambda: Distances.measured(BLOCK, [0, 1], [2], [1.0], 0.1),
+        r"array of other ends has the shape \(1,\)",
+    ),
+    "distance of three": (lambda: Distances.measured(BLOCK, [0], [1], [[1.0]], 0.1), "array of distances"),
+    "a value of three": (
+        lambda: DirectObservations.known(BLOCK, "boresight", [0], [1e-3], 1e-4),
+        "array of boresight",
     ),
     "one group": (lambda: Observations(RAYS, CONTROL), "a tuple of groups"),
     "one name for two points": (
@@ -293,6 +320,15 @@ def test_what_is_not_observations_is_refused_with_what_is(wrong: Any) -> None:
 def test_a_name_that_does_not_exist_is_refused_with_those_that_do() -> None:
     with pytest.raises(UnknownNameError, match=r"no object point 'nowhere'\. There are: "):
         ImagePoints.measured(BLOCK, [BLOCK.images[0]], ["nowhere"], [[0.0, 0.0]], 1e-6)
+
+
+def test_a_family_or_entity_that_does_not_exist_is_refused_with_those_that_do() -> None:
+    with pytest.raises(UnknownNameError, match=r"no family of system parameters 'boresite'.*'boresight'"):
+        DirectObservations.known(BLOCK, "boresite", [0], np.zeros((1, 3)), 0.1)
+    with pytest.raises(UnknownNameError, match=r"no flight 'third'\. There are: "):
+        DirectObservations.known(BLOCK, "gnss_shift", ["third"], np.zeros((1, 3)), 0.1)
+    with pytest.raises(UnknownNameError, match="no object point 'nowhere'"):
+        Distances.measured(BLOCK, [0], ["nowhere"], [1.0], 0.1)
 
 
 def test_a_choice_that_does_not_exist_is_refused_with_a_similar_one() -> None:
