@@ -22,7 +22,11 @@ def batch(
     ],
     story: Annotated[
         Stories | None,
-        typer.Option(help="Flow to run.", show_default="the one that the project file declares"),
+        typer.Option(
+            metavar="STORY",
+            help="Flow to run: aerial-triangulation, system-calibration or direct-georeferencing-check.",
+            show_default="the one that the project file declares",
+        ),
     ] = None,
     output: Annotated[
         str, typer.Option(metavar="NAME", help="Name of the output folder next to each project file.")

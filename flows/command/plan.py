@@ -33,7 +33,7 @@ def plan(
             metavar="SELECTION",
             help="Additional parameters to calibrate, e.g. [bold]bluh:1-12[/bold]; "
             "[bold]none[/bold] for none.",
-            show_default="adjustment.self_calibration.parameters of a project",
+            show_default="self_calibration of a project",
         ),
     ] = None,
     strip_bias: Annotated[
@@ -43,7 +43,7 @@ def plan(
             min=0.0,
             help="σ of the GNSS error common to all images of a strip, m; [bold]0[/bold]: "
             "independent errors, which is too optimistic.",
-            show_default="adjustment.priors.gnss_strip_bias_m of a project, otherwise 0.03; none if "
+            show_default="gnss_strip_bias_m of a project, otherwise 0.03; none if "
             "calibration.free does not contain gnss_strip_bias",
         ),
     ] = None,
@@ -52,8 +52,7 @@ def plan(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="Replace a value of the file, e.g. [bold]--set noise.gnss_m=0.02[/bold] or [bold]--set "
-            "calibration.limits.focal_length_um=1[/bold]. Repeatable.",
+            help="Replace a value of the file, e.g. [bold]--set noise.gnss_m=0.02[/bold]. Repeatable.",
         ),
     ] = None,
     data: Data = None,

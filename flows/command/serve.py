@@ -14,7 +14,7 @@ from flows.command.server_log import LogFormatOption, said_as
 
 def serve(
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to listen on.", min=1, max=65535)] = 4200,
+    port: Annotated[int, typer.Option(metavar="PORT", help="Port to listen on.", min=1, max=65535)] = 4200,
     public_url: Annotated[
         str | None,
         typer.Option(
@@ -31,13 +31,19 @@ def serve(
     ] = None,
     overview_port: Annotated[
         int | None,
-        typer.Option(help="Port of the production page.", min=1, max=65535, show_default="--port plus one"),
+        typer.Option(
+            metavar="PORT",
+            help="Port of the production page.",
+            min=1,
+            max=65535,
+            show_default="--port plus one",
+        ),
     ] = None,
     database: Annotated[
         str | None,
         typer.Option(
             metavar="URL",
-            help="postgresql://USER@HOST/DATABASE of Prefect's own records; the password in PGPASSWORD.",
+            help="postgresql://USER@HOST/DB of Prefect's own records; the password in PGPASSWORD.",
             show_default="a SQLite file in the state folder",
             envvar="AEROCAL_DATABASE",
         ),
@@ -72,7 +78,7 @@ def serve(
         typer.Option(
             metavar="URL",
             help="Registry of calibrations that runs use: a SQLite file under a --root, or "
-            "postgresql://USER@HOST/DATABASE (password in PGPASSWORD).",
+            "postgresql://USER@HOST/DB (password in PGPASSWORD).",
             show_default="AEROCAL_REGISTRY, otherwise none",
         ),
     ] = None,
@@ -114,6 +120,7 @@ def serve(
             metavar="KINDS",
             help="Notices to send: gate, failure, recalibration, success. They are sent to the addresses in "
             "AEROCAL_NOTIFY, or in the file named by AEROCAL_NOTIFY_FILE.",
+            show_default="gate, failure and recalibration",
         ),
     ] = "gate,failure,recalibration",
     state: State = None,

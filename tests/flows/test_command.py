@@ -14,6 +14,7 @@ from typing import Any, get_type_hints
 import pandas as pd
 import pytest
 import typer
+from typer.main import get_command
 
 from flows.command.main import app
 from tasks.results.publish import OF_EVERY_ADJUSTMENT
@@ -43,6 +44,22 @@ def test_help_teaches() -> None:
     details = aerocal("run", "--help").stdout
     for word in ("--out", "--set", "--data", "--server", "--json", "aerocal run project.toml"):
         assert word in details
+
+
+def test_on_80_columns_no_help_cuts_a_word_or_breaks_the_choices_of_an_option() -> None:
+    """Rich ends a word that is too long for its column with an ellipsis, and breaks what is typed."""
+    for words in _names(get_command(app)):
+        narrow, wide = (aerocal(*words, "--help", COLUMNS=width).stdout for width in ("80", "300"))
+        cut = {text for text in re.findall(r"\S+…", narrow) if text not in wide}
+        broken = re.findall(r"<[^<>]*\|[^<>]*\n[^<>]*>", narrow)
+        assert (words, cut, broken) == (words, set(), [])
+
+
+def _names(command: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """The words of every command, and of every group of commands."""
+    yield words
+    for name, below in getattr(command, "commands", {}).items():
+        yield from _names(below, (*words, name))
 
 
 def test_no_help_takes_a_table_of_the_project_file_for_a_style() -> None:
