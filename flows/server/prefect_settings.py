@@ -16,8 +16,9 @@ from urllib.parse import urlsplit
 
 from flows.server.api import Api
 from flows.server.server_process import CLIENT_PASSWORD
-from flows.server.state_file import bring_password_to, find_server, state_folder
+from flows.server.state_file import bring_password_to, find_server
 from tasks.files.installation import InstallationError
+from tasks.files.state_folder import state_folder
 from tasks.production.run_record import OVERVIEW_VARIABLE, RECORDS_VARIABLE
 
 #: Seconds between two signs of life of a run.

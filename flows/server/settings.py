@@ -32,8 +32,8 @@ from flows.server.roots import (
     roots_of,
 )
 from flows.server.server_process import ServerAddress
-from flows.server.state_file import STATE_VARIABLE, state_folder
 from tasks.errors import InputError
+from tasks.files.state_folder import STATE_VARIABLE, state_folder
 from tasks.nearest_name import did_you_mean
 from tasks.object_storage.address import ObjectAddress
 from tasks.plain_text import visible

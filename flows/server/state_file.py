@@ -20,15 +20,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import platformdirs
 from pydantic import Field, TypeAdapter
 
 from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress
 from tasks.files.installation import InstallationError, writing_into
+from tasks.files.state_folder import state_folder
 from tasks.store.run_lock import lock_if_free
 
-#: Names another folder for the state.
-STATE_VARIABLE = "AEROCAL_STATE"
 STATE_OPTION = "--state"
 #: A command that looks whether a server lives holds its lock for an instant, and not for so long, s.
 _LOOK_S = 0.5
@@ -55,12 +53,6 @@ class RunningServer:
 
 
 _SERVER = TypeAdapter(RunningServer)
-
-
-def state_folder() -> Path:
-    """Folder of this user's server: state file, lock, logs, Prefect's database."""
-    named = os.environ.get(STATE_VARIABLE)
-    return Path(named).absolute() if named else Path(platformdirs.user_state_dir("aerocal"))
 
 
 def find_server(folder: Path | None = None) -> RunningServer | None:

@@ -58,12 +58,17 @@ def _additional(calibration: Calibration, camera: str) -> dict[str, float]:
         if not is_additional(parameter):
             continue
         if calibration.of_one_flight.get((parameter, entity), "") in (camera, None):
-            raise InputError(
-                f"The calibration has separate additional parameters for '{entity}'; they are valid for "
-                "that flight only.",
-                'Calibrate with adjustment.self_calibration.per = "camera".',
-                entity=f"cameras.{camera}",
-            )
+            raise of_one_flight(camera, entity)
         if entity == camera:
             found[parameter] = value
     return found
+
+
+def of_one_flight(camera: str, entity: str) -> InputError:
+    """The refusal of a calibration whose additional parameters belong to a camera in one flight."""
+    return InputError(
+        f"The calibration has separate additional parameters for '{entity}'; they are valid for that flight "
+        "only.",
+        'Calibrate with adjustment.self_calibration.per = "camera".',
+        entity=f"cameras.{camera}",
+    )

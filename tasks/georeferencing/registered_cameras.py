@@ -10,8 +10,8 @@ from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFF
 from tasks.calibration.head_boresight import OF_REFERENCE
 from tasks.calibration.record import CalibratedParameter, CalibrationRecord
 from tasks.deliveries.cameras import camera_record
-from tasks.errors import InputError
 from tasks.georeferencing.approved_calibrations import approved_calibrations
+from tasks.georeferencing.calibrated_cameras import of_one_flight
 from tasks.quantities import entity_kind, is_additional, kind_of
 from tasks.registry.identity import CameraBody
 from tasks.settings.cameras import REGISTRY, RIG_REGISTRY, CalibrationCovariance, CameraInput
@@ -43,7 +43,9 @@ def with_registered_cameras(project: Project) -> Project:
     cameras = dict(project.cameras)
     for name, found in approved_calibrations(wanting, project.project, project.cameras).items():
         source = (f"{REGISTRY}, {found.label}, {found.standing}", found.sealed.digest)
-        _refuse_flights(name, found.record)
+        one = next(filter(found.record.holds_in_one_flight, found.record.parameters), None)
+        if one is not None:
+            raise of_one_flight(name, one.entity)
         recorded = {name: found.record.camera.name}
         if wanting[name].calibration == RIG_REGISTRY:
             body, rig = CameraBody.of_calibration(found.record), CameraBody.of_rig(name, project.cameras)
@@ -57,16 +59,6 @@ def with_registered_cameras(project: Project) -> Project:
             known = known.only(kept)
         cameras[name] = cameras[name].known_with(known)
     return project.model_copy(update={"cameras": cameras})
-
-
-def _refuse_flights(name: str, record: CalibrationRecord) -> None:
-    if any(map(record.holds_in_one_flight, record.parameters)):
-        raise InputError(
-            "The calibration from the registry has separate additional parameters for each flight, which "
-            "are valid for that flight only.",
-            'Calibrate with adjustment.self_calibration.per = "camera".',
-            entity=f"cameras.{name}",
-        )
 
 
 def _filled(

@@ -21,6 +21,7 @@ from adjust.image_quality.change import critical_change
 from tasks.document_kit.table import Number, decimals_for
 from tasks.errors import Location
 from tasks.files.json_text import JSON
+from tasks.image_quality.radiometric_record import LIMIT
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas.columns import TableSchema
@@ -35,8 +36,6 @@ from tasks.tables.schemas.image_quality import (
 )
 from tasks.tables.stage_table import of_schema, write_stage_table
 
-#: Change in known standard deviations beyond which a mean has drifted: by chance once in a thousand times.
-LIMIT = 3.29
 _REMEDY = "Name the folder of results of `aerocal image-quality`."
 _KEY = ["band", "direction", "zone"]
 

@@ -12,6 +12,8 @@ from tasks.files.json_text import JSON, json_text
 
 #: The certificate as a file for programs, whose ``record`` is of this kind.
 FILE = "radiometric_certificate.json"
+#: Change in known standard deviations beyond which a quantity has drifted, by chance once in 1,000 times.
+LIMIT = 3.29
 
 
 class RadiometricQuantity(BaseModel, frozen=True, extra="forbid"):

@@ -21,14 +21,12 @@ from tasks.document_kit.table import Number, decimals_for
 from tasks.errors import Location
 from tasks.files.delivered_file import is_there, read_delivered
 from tasks.files.json_text import JSON, from_json, json_text
-from tasks.image_quality.radiometric_record import FILE, RadiometricRecord, digest_of
+from tasks.image_quality.radiometric_record import FILE, LIMIT, RadiometricRecord, digest_of
 from tasks.plain_text import trouble_in_tables
 from tasks.registry.history import BEGINNING
 from tasks.results.manifest import MANIFEST, published_entry
 
 _REMEDY = "Name the results folder of `aerocal image-quality`."
-#: Change in known standard deviations beyond which a quantity has drifted.
-LIMIT = 3.29
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,17 @@ backup.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import platformdirs
 from sqlalchemy import Connection, delete, insert, inspect, select, update
 
 from tasks.database.address import DatabaseAddress
 from tasks.database.engine import WAIT_S
 from tasks.errors import InputError
 from tasks.files.json_text import read_json, replace_json
+from tasks.files.state_folder import state_folder
 from tasks.plain_text import is_blank
 from tasks.registry.approval import Approval, approved_meanwhile, require_approvable, superseded_by
 from tasks.registry.calibration_file import SealedRecord
@@ -34,15 +33,10 @@ from tasks.registry.radiometric import RadiometricResult, findings
 from tasks.registry.tables import CALIBRATIONS, EVENTS, HEAD, RADIOMETRIC, RADIOMETRIC_HEAD
 from tasks.store.stage_record import utc_now
 
-#: The variable that names the state folder of this user.
-STATE_VARIABLE = "AEROCAL_STATE"
-
 
 def witness_file(address: DatabaseAddress) -> Path:
     """File with the last seen state of a registry."""
-    named = os.environ.get(STATE_VARIABLE)
-    folder = Path(named).absolute() if named else Path(platformdirs.user_state_dir("aerocal"))
-    return folder / "registries" / f"{hashlib.sha256(str(address).encode()).hexdigest()[:16]}.json"
+    return state_folder() / "registries" / f"{hashlib.sha256(str(address).encode()).hexdigest()[:16]}.json"
 
 
 def lost_state(address: DatabaseAddress, events: Sequence[Event]) -> tuple[Finding, ...]:

@@ -10,7 +10,8 @@ import pytest
 from scipy import stats
 
 from adjust.arrays import Floats
-from tasks.image_quality.dates import LIMIT, drift_table, noise_changes
+from tasks.image_quality.dates import drift_table, noise_changes
+from tasks.image_quality.radiometric_record import LIMIT
 from tasks.tables.parquet import write_table
 from tasks.tables.schemas.image_quality import EDGE_MEANS
 
