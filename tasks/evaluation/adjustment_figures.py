@@ -75,6 +75,7 @@ def adjustment_figures(
         "taken_back": result.taken_back,
         "given_up_points": [adjusted.block.points[point] for point in result.given_up],
         "inseparable_control": [adjusted.block.points[point] for point in result.inseparable],
+        "unrejected_image_points": _unrejected(result, settings.rejection.critical_value),
         "sigma_scaled_by": adjusted.sigma0,
         "rejected_control": list(rejected_control(adjusted)),
         "uncontrolled_control": list(uncontrolled_control(adjusted)),
@@ -96,6 +97,15 @@ def adjustment_figures(
         ],
         "frame": adjusted.map_frame.description,
     }
+
+
+def _unrejected(result: AdjustmentResult, critical_value: float | None) -> int:
+    """Image points beyond the critical value that control points which contradict each other have kept."""
+    if critical_value is None or len(result.inseparable) == 0:
+        return 0
+    rays = result.groups[0]
+    beyond = (np.abs(rays.standardized) > critical_value) & (rays.status == ObservationStatus.USED)
+    return int(beyond.any(axis=1).sum())
 
 
 def without_effect(result: AdjustmentResult, settings: AdjustmentSettings) -> list[JSON]:

@@ -124,16 +124,28 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
                 f"wrong one of {'its' if len(names) == 1 else 'their'} image points cannot be identified: "
                 f"{some_names(names)}."
             )
-    if names := figures.inseparable_control:
-        yield (
-            f"Control points contradict each other, and it cannot be determined which of {some_names(names)} "
-            "is wrong: an error of one explains what the others contradict. None of them was rejected, so "
-            "the error is in the result. Check their coordinates and their measurement in the images, or add "
-            "control points or GNSS positions that separate them."
-        )
+    if figures.inseparable_control:
+        yield _inseparable_words(figures)
     for group in figures.groups:
         if group.uncontrolled and group.group in _UNCONTROLLED:
             yield _uncontrolled_words(group, figures.uncontrolled_control)
+
+
+def _inseparable_words(figures: AdjustmentFigures) -> str:
+    """Which control points contradict each other, and what was kept for it."""
+    kept = ""
+    if figures.unrejected_image_points:
+        kept = (
+            f" Image points with standardized residuals above {figures.critical_value:g} were therefore kept "
+            f"({figures.unrejected_image_points:,}); those that are wrong are found once this is corrected."
+        )
+    return (
+        "Control points contradict each other, and it cannot be determined which of "
+        f"{some_names(figures.inseparable_control)} is wrong: an error of one explains what the others "
+        f"contradict. None of them was rejected, so the error is in the result.{kept} Check their "
+        "coordinates and their measurement in the images, or add control points or GNSS positions that "
+        "separate them."
+    )
 
 
 def _uncontrolled_words(group: GroupFigure, of_control: Sequence[str]) -> str:

@@ -409,6 +409,7 @@ class AdjustmentFigures(Figure):
     taken_back: int = 0
     given_up_points: tuple[str, ...] = ()
     inseparable_control: tuple[str, ...] = ()
+    unrejected_image_points: int = 0
     rejected_control: tuple[str, ...] = ()
     uncontrolled_control: tuple[str, ...] = ()
     sigma_scaled_by: float | None = None

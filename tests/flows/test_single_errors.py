@@ -365,6 +365,12 @@ def test_of_control_heights_that_cannot_be_told_from_each_other_none_is_rejected
     assert set(summary["inseparable_control"]) == suspects
     (said,) = (text for text in found.summary.problems if "contradict each other" in text)
     assert ", ".join(sorted(suspects)) in said
+    # What such an error makes large is not rejected with it, and gross errors below it stay, too.
+    table = pd.read_parquet(found.directory / "residuals.parquet")
+    rays = table[(table["group"] == "image_points") & (table["status"] == "used")]
+    large = rays.loc[rays["standardized"].abs() > 4.13, ["image", "point"]].drop_duplicates()
+    assert summary["unrejected_image_points"] == len(large) > 0
+    assert f"Image points with standardized residuals above 4.13 were therefore kept ({len(large)})" in said
     (finding,) = findings(found.directory)
     assert finding["quantity"] == "control_point"
 
@@ -380,6 +386,7 @@ def test_a_control_point_wrong_in_plan_is_rejected_and_named(
     summary = json.loads((found.directory / "summary.json").read_text())
     assert summary["rejected_control"] == ["C001"]
     assert summary["inseparable_control"] == []
+    assert summary["unrejected_image_points"] == 0
 
 
 def test_heights_that_hardly_anything_controls_are_named_as_what_may_stay_unnoticed(
