@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
+from tasks.document_kit.table import Number
 from tasks.evaluation.alternative_words import PRIOR
 from tasks.quantities import group_words, is_calibrated, quantity_words, shown
 from tasks.remarks.model_findings import scatter_words
@@ -143,10 +144,11 @@ def _of_check_points(direct: Mapping[str, Any], limits: AcceptanceLimits) -> Ite
             continue
         rms, predicted, freedom, mean, sigma = (float(figure) for figure in figures)
         if abs(mean) > largest * sigma:
+            signed = Number(mean, 3, plus=True)
             yield (
                 True,
-                f"The differences {way} at the independent check points have a mean of {mean:+.3f} m, "
-                f"{abs(mean) / sigma:.1f} of its standard deviation.",
+                f"The differences {way} at the independent check points have a mean of {signed} m, "
+                f"{abs(mean) / sigma:.1f} times its standard deviation.",
             )
             continue
         limit = predicted * np.sqrt(special.chdtri(freedom, probability) / freedom)

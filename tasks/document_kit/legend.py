@@ -15,10 +15,11 @@ _GLYPH = 7.2
 
 @dataclass(frozen=True)
 class Swatch:
-    """One entry: a coloured square and what it stands for."""
+    """One entry: a coloured square, or the ring of a map, and what it stands for."""
 
     colour: str
     words: str
+    is_ring: bool = False
 
 
 def swatches(
@@ -37,7 +38,10 @@ def swatches(
         needed = 26 + _GLYPH * len(entry.words)
         if at + needed > x + width and at > x:
             at, y = x, y + ROW
-        parts.append(markup.rectangle(at, y + 1, 13, 12, fill=entry.colour, css="swatch"))
+        if entry.is_ring:
+            parts.append(markup.circle(at + 6.5, y + 7, 6.0, css="ring"))
+        else:
+            parts.append(markup.rectangle(at, y + 1, 13, 12, fill=entry.colour, css="swatch"))
         parts.append(markup.text(at + 18, y + 11, entry.words, "start"))
         at += needed
     return markup.group("legend", parts), y + ROW

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import cast
 
+from tasks.document_kit.table import Number
 from tasks.files.json_text import JSON
 from tasks.georeferencing.calibration import Calibration
 from tasks.georeferencing.difference_statistics import CONFIDENCE
@@ -48,8 +49,9 @@ def difference_remarks(figures: Mapping[str, JSON], of: str) -> Iterator[str]:
                 f"m ({100 * CONFIDENCE:g} %). There is an error that the stated σ do not include."
             )
         if mean is not None and sigma is not None and abs(mean) > _SYSTEMATIC * sigma:
+            signed = Number(mean, 3, plus=True)
             yield (
-                f"The differences {way} at the {of} have a mean of {mean:+.3f} m, "
+                f"The differences {way} at the {of} have a mean of {signed} m, "
                 f"{abs(mean) / sigma:.1f} times its standard deviation: a systematic error."
             )
 

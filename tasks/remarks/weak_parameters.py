@@ -8,9 +8,6 @@ from tasks.quantities import kind_of, named
 from tasks.remarks.separability import listed, percent, separating
 from tasks.results.figures import WeakParameters
 
-# What follows for values of which each is determined, but with the errors of others.
-_TOGETHER = "although {} are determined: use their values together only."
-
 
 def weak_parameter_sentences(
     found: tuple[WeakParameters, ...], determined: Collection[tuple[str, str]] = ()
@@ -27,14 +24,20 @@ def weak_parameter_sentences(
         if not set(zip(item.parameters, item.entities, strict=True)) <= set(determined):
             sentences.append(_not_separated(item))
         elif item.correlation is None:
-            sentences.append(f"{_members(item)} are correlated in combination, {_TOGETHER.format('all')}")
+            together = _although_determined(len(item.parameters))
+            sentences.append(f"{_members(item)} are correlated in combination, {together}")
     return sentences
 
 
 def correlation_sentence(members: Collection[str], correlation: float) -> str:
     """That members of a group are correlated by up to this, although a calibration calls them determined."""
-    together = _TOGETHER.format("both" if len(members) == 2 else "all")
-    return f"{listed(members)} are {_how_much(len(members), correlation)} correlated, {together}"
+    how_much = _how_much(len(members), correlation)
+    return f"{listed(members)} are {how_much} correlated, {_although_determined(len(members))}"
+
+
+def _although_determined(members: int) -> str:
+    """What follows for values of which each is determined, but with the errors of others."""
+    return f"although {'both' if members == 2 else 'all'} are determined: use their values together only."
 
 
 def _not_separated(weak: WeakParameters) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -10,6 +11,7 @@ import pandas as pd
 
 from tasks.document_kit.row_table import number_of, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Number, Row, Table, numbers, text_column
+from tasks.files.json_text import from_json
 from tasks.settings.published_sweep import PublishedTable
 
 Role = Literal["control", "check"]
@@ -160,9 +162,21 @@ def block_table(results: SweepResults) -> Table:
 def variant_table(results: SweepResults) -> Table:
     """What every variant changes."""
     changes = results.table.drop_duplicates("variant")
-    rows = tuple(Row(row["variant"], (row["variant"], row["changes"])) for _, row in changes.iterrows())
+    rows = tuple(
+        Row(row["variant"], (row["variant"], _as_declared(row["changes"]))) for _, row in changes.iterrows()
+    )
     columns = (text_column("variant", "variant"), text_column("changes", "settings it changes"))
     return Table("variants", "Variants of the settings", columns, rows)
+
+
+def _as_declared(changes: str) -> str:
+    """Settings of a JSON text as a project file has them."""
+    settings = from_json(changes)
+    assert isinstance(settings, dict)
+    return (
+        ", ".join(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in settings.items())
+        or "nothing"
+    )
 
 
 def failure_table(results: SweepResults) -> Table:

@@ -97,7 +97,7 @@ def block_map(material: Material, found: Sequence[Cause] = ()) -> Markup:
         parts.append(drawn)
     rings = _rings(images, surveyed, found, plot)
     if rings:
-        legend, y = plot.legend("", [Swatch(_RING, "ring: cause named above")], y)
+        legend, y = plot.legend("", [Swatch(_RING, "cause named above", is_ring=True)], y)
         parts += [markup.group("rings", rings), legend]
     return markup.svg(axes.WIDTH, y + 8, "Map of the block", *parts)
 

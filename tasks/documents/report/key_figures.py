@@ -13,6 +13,7 @@ from tasks.documents.report.figures import gate_words
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.quantities import group_words, unit_words
 from tasks.remarks.adjustment import beside_limits
+from tasks.results.figures import AdjustmentFigures
 from tasks.results.quality_gates import GateResult
 
 Tone: TypeAlias = Literal["good", "attention", "failed"]
@@ -41,7 +42,7 @@ def verdict(material: Material, causes: Sequence[Cause] = ()) -> Verdict:
     test, good = _test_words(material)
     missed = material.summary.missed_checks
     if missed is not None:
-        test, good = f"the {missed} are beyond their limits, and {test}", False
+        test, good = f"the {missed} are beyond their limits, {'although' if good else 'and'} {test}", False
     if any(item.contradicted for item in material.figures.registered_calibrations):
         test, good = f"{test}; it contradicts a calibration of the registry", False
     link = "and" if good else "but"
@@ -59,13 +60,29 @@ def verdict(material: Material, causes: Sequence[Cause] = ()) -> Verdict:
     return Verdict("good" if good else "attention", f"{what} is adjusted, {passed}{link} {test}.")
 
 
+def rejection_note(figures: AdjustmentFigures) -> str:
+    """What was rejected in each pass, and what was not."""
+    if figures.critical_value is None:
+        return "Nothing was rejected: rejection is off (adjustment.rejection)."
+    kept = (
+        ", except what control points that contradict each other explain"
+        if figures.inseparable_control
+        else ""
+    )
+    passes = ", ".join(map(str, figures.rejected_per_pass)) or "none"
+    return (
+        f"Observations with |w| above {figures.critical_value} were rejected{kept}; rejected in each pass: "
+        f"{passes}."
+    )
+
+
 def _test_words(material: Material) -> tuple[str, bool]:
     """The global test in words, and whether it is passed."""
     sigma0, test = material.summary.sigma0, material.figures.global_test
     if sigma0 is None or test is None or test.lower is None or test.upper is None:
         return "nothing could be tested because the block has no redundancy", False
     found, lower, upper = beside_limits(sigma0, test.lower, test.upper)
-    limits = f"σ0 = {found}, allowed {lower} to {upper}, {100 * test.confidence:g} %"
+    limits = f"σ0 = {found}, allowed {lower} to {upper}, {100 * test.confidence:g}\u00a0%"
     others = _other_sigmas(material)
     if test.passed:
         sigmas = "the estimated σ, not with all stated ones" if others else "the stated σ"

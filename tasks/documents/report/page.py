@@ -91,6 +91,7 @@ def render(
         name=name,
         frame=material.figures.frame,
         verdict=key_figures.verdict(material, found),
+        rejection_note=key_figures.rejection_note(material.figures),
         causes=named,
         more_causes=len(causes.by_place(found)) - len(named),
         cards=first_screen.cards(material),

@@ -139,3 +139,10 @@ def test_what_a_calibration_has_determined_is_left_to_its_verdict() -> None:
     (sentence,) = weak_parameter_sentences((combination,), determined=members)
     assert "although all are determined: use their values together only." in sentence
     assert "hardly" not in sentence
+
+
+def test_two_determined_parameters_of_a_combination_are_both() -> None:
+    pair = WeakParameters(parameters=("principal_point_x",) * 2, entities=("left", "right"))
+    members = set(zip(pair.parameters, pair.entities, strict=True))
+    (sentence,) = weak_parameter_sentences((pair,), determined=members)
+    assert "although both are determined" in sentence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from tasks.sweep.result_tables import SweepResults, failure_table
+from tasks.sweep.result_tables import SweepResults, failure_table, variant_table
 
 
 def test_variants_that_fail_for_one_reason_share_a_row() -> None:
@@ -22,4 +22,13 @@ def test_variants_that_fail_for_one_reason_share_a_row() -> None:
         ("low", "none", "plain, bluh", "No datum."),
         ("low", "5", "bluh", "Too few."),
         ("high", "none", "plain", "No datum."),
+    ]
+
+
+def test_what_a_variant_changes_is_written_as_in_a_project_file() -> None:
+    changes = ["{}", '{"adjustment.free": ["boresight"], "adjustment.residual_grid.cells": 25}']
+    table = pd.DataFrame({"variant": ["none", "grid"], "changes": changes})
+    assert [row.cells for row in variant_table(SweepResults(table, None)).rows] == [
+        ("none", "nothing"),
+        ("grid", 'adjustment.free = ["boresight"], adjustment.residual_grid.cells = 25'),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -11,11 +12,12 @@ import pytest
 
 from tasks.documents.report.figures import gate_words
 from tasks.documents.report.histogram import standardized_table
-from tasks.documents.report.key_figures import Verdict, gate_table, verdict
+from tasks.documents.report.key_figures import Verdict, gate_table, rejection_note, verdict
 from tasks.documents.report.material import Material
 from tasks.documents.report.worst_residuals import MOST_OF_GROUP, worst_table
 from tasks.files.json_text import JSON
 from tasks.quantities import group_words
+from tasks.results.figures import AdjustmentFigures
 from tasks.results.quality_gates import GateResult
 from tasks.results.summary import summary_of
 from tasks.settings.project import Project
@@ -23,6 +25,20 @@ from tasks.settings.quality import Gates
 from tasks.store.notes import Notes
 
 NOTHING = pd.DataFrame()
+#: Heights of ten check points are nine times as far off as their σ let expect.
+CHECK_POINTS: JSON = {
+    "points": [10, 10, 10],
+    "rmse_m": [0.02, 0.02, 0.9],
+    "predicted_rmse_m": [0.02, 0.02, 0.1],
+    "predicted_low_m": [0.01, 0.01, 0.05],
+    "predicted_high_m": [0.03, 0.03, 0.15],
+    "ratio": [1.0, 1.0, 9.0],
+    "degrees_of_freedom": [10.0, 10.0, 10.0],
+    "mean_m": [0.0, 0.0, 0.0],
+    "mean_limit_m": [0.02, 0.02, 0.1],
+    "confidence": 0.95,
+    "over_limit": 6.0,
+}
 
 
 def _verdict(
@@ -30,12 +46,14 @@ def _verdict(
     limits: tuple[float, float] | None,
     gates: dict[str, object],
     factor: tuple[float | None, float | None] | None = None,
+    others: Mapping[str, JSON] | None = None,
 ) -> Verdict:
     """The verdict on a block with this σ0, limits of the global test, gates and limits of a factor of σ."""
     lower, upper = limits or (None, None)
     passed = sigma0 is not None and limits is not None and limits[0] <= sigma0 <= limits[1]
     test: dict[str, JSON] = {"lower": lower, "upper": upper, "confidence": 0.95, "passed": passed}
     figures: dict[str, JSON] = {"sigma0": sigma0, "global_test": test, "rmse_check_m": [0.02, 0.03, 0.09]}
+    figures |= others or {}
     if factor is not None:
         component = dict.fromkeys(("factor", "sigma", "redundancy", "degrees_of_freedom"), 1.0)
         component |= {"part": "ins_attitudes yaw", "estimated": factor[0] is not None, "unit": "deg"}
@@ -128,6 +146,31 @@ def test_a_stated_sigma_that_was_replaced_is_not_said_to_agree(
     factor: tuple[float | None, float | None], sigma0: float, words: str
 ) -> None:
     assert words in _verdict(sigma0, LIMITS, {}, factor).sentence
+
+
+def test_check_points_beyond_their_limits_stand_against_residuals_that_agree() -> None:
+    missed = {"check_point_test": CHECK_POINTS}
+    assert (
+        "but the check points are beyond their limits, although the residuals agree"
+        in _verdict(1.0, (0.96, 1.04), {}, others=missed).sentence
+    )
+    assert (
+        "but the check points are beyond their limits, and the residuals are larger"
+        in _verdict(1.2, (0.96, 1.04), {}, others=missed).sentence
+    )
+
+
+def test_what_was_kept_is_not_said_to_be_rejected() -> None:
+    none, some = AdjustmentFigures(), AdjustmentFigures(critical_value=4.13, rejected_per_pass=(3, 1))
+    assert rejection_note(none) == "Nothing was rejected: rejection is off (adjustment.rejection)."
+    assert (
+        rejection_note(some) == "Observations with |w| above 4.13 were rejected; rejected in each pass: 3, 1."
+    )
+    kept = some.model_copy(update={"inseparable_control": ("A", "B"), "rejected_per_pass": ()})
+    assert rejection_note(kept) == (
+        "Observations with |w| above 4.13 were rejected, except what control points that contradict each "
+        "other explain; rejected in each pass: none."
+    )
 
 
 def test_limits_and_groups_are_named_for_people() -> None:
