@@ -411,6 +411,12 @@ def test_corrections_by_mean_residuals_are_those_of_the_artifacts(warm_block: Pa
     assert "No further correction" in reported.page.text
 
 
+def test_no_symbol_of_the_map_hides_the_name_of_a_strip(warm_block: Path) -> None:
+    page = run(warm_block).html
+    assert 'class="strip-names"' in page
+    assert page.rindex('class="strip"') < page.index('class="surveyed"') < page.index('class="strip-names"')
+
+
 def test_problems_stand_first_and_the_verdict_is_one_sentence(warm_block: Path) -> None:
     reported = run(warm_block, "gates.sigma0.max=0.8")
     text = reported.page.text

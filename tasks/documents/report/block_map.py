@@ -95,6 +95,7 @@ def block_map(material: Material, found: Sequence[Cause] = ()) -> Markup:
     if len(surveyed):
         drawn, y = _points(surveyed, scale, plot, y)
         parts.append(drawn)
+    parts.append(_strip_names(images, plot))
     rings = _rings(images, surveyed, found, plot)
     if rings:
         legend, y = plot.legend("", [Swatch(_RING, "cause named above", is_ring=True)], y)
@@ -180,12 +181,11 @@ def _outlines(images: pd.DataFrame, corners: Floats, plot: MapPlot) -> Markup:
 
 
 def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
-    """Per strip a line through its images, a triangle at each in the direction of flight, and its name."""
+    """Per strip a line through its images, and a triangle at each in the direction of flight."""
     parts = []
-    strips = list(images.groupby("strip", sort=True))
     # Thousands of triangles of full size would hide the map under them.
     size = float(np.clip(70.0 / np.sqrt(len(images)), 2.0, 6.0))
-    for index, (name, strip) in enumerate(strips):
+    for index, (name, strip) in enumerate(images.groupby("strip", sort=True)):
         colour = palette.category(index)
         x, y = plot.x.of(strip["x_m"].to_numpy()), plot.y.of(strip["y_m"].to_numpy())
         drawn = [markup.element("path", css="track", d=markup.path_of(x, y), stroke=colour)] if name else []
@@ -198,10 +198,19 @@ def _strips(images: pd.DataFrame, plot: MapPlot) -> Markup:
         else:
             data = {"d": "".join(triangles), "fill": colour}
             drawn.append(markup.element("path", markup.title(f"strip {name}"), **data))
-        if name and len(strips) <= _MOST_STRIP_NAMES:
-            drawn.append(_strip_name(str(name), x, y))
         parts.append(markup.group("strip", drawn))
     return markup.group("strips", parts)
+
+
+def _strip_names(images: pd.DataFrame, plot: MapPlot) -> Markup:
+    """The names of the strips, if there are not too many."""
+    strips = [(str(name), own) for name, own in images.groupby("strip", sort=True) if name]
+    shown = strips if images["strip"].nunique() <= _MOST_STRIP_NAMES else []
+    names = [
+        _strip_name(name, plot.x.of(own["x_m"].to_numpy()), plot.y.of(own["y_m"].to_numpy()))
+        for name, own in shown
+    ]
+    return markup.group("strip-names", names)
 
 
 def _look(triangle: str, colour: str, *, hollow: bool) -> dict[str, markup.Attribute]:
