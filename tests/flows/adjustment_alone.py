@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flows.stories.aerial_triangulation import adjusted_block, publish, remarks_on
+from flows.stories.aerial_triangulation import adjusted_block, publish, remarks_on, trust_map_of
 from flows.stories.block_preparation import prepare_block
 from tasks.results.summary import Summary
 from tasks.settings.project import Project
@@ -13,4 +13,5 @@ def adjustment_alone(project: Project, store: Store) -> Summary:
     """The story for tests that read tables and summary only."""
     block = prepare_block(project, store)
     adjusted = adjusted_block(project, store, block, trust_map=project.trust_map)
-    return publish(store, project, (*block.stages, adjusted, remarks_on(adjusted, store)))
+    maps = trust_map_of(project, store, adjusted)
+    return publish(store, project, (*block.stages, adjusted, remarks_on(adjusted, store), *maps))
