@@ -315,7 +315,8 @@ class TrustMapGrid(Figure):
 
     Attributes
     ----------
-    added_pairs : pairs of images that see a cell, but no common point.
+    added_pairs : pairs of images that see a cell, but have no common point, and are not within two exposures
+        of each other in a series of correlated errors.
     cells : that are mapped.
     area_cells : cells of the area that was to be mapped; null: no area was given.
     """
