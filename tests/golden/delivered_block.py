@@ -103,6 +103,20 @@ class Results:
         return dict(json.loads((self.folder / "summary.json").read_text()))
 
 
+@dataclass(frozen=True)
+class Applied(Results):
+    """Results with tables of other orientations, points and parameters, of the stated weights."""
+
+    tables: Mapping[str, pd.DataFrame]
+
+    def table(self, name: str) -> pd.DataFrame:
+        return self.tables[name]
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        return {"variance_components": None}
+
+
 class LocalFrame:
     """crs = "local": the axes of the project are those of the adjustment."""
 

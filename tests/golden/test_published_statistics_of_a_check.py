@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,6 +26,7 @@ from tests.golden.delivered_block import (
     DEGREE,
     PLACE,
     STEP,
+    Applied,
     Array,
     Delivered,
     Results,
@@ -47,20 +47,6 @@ FLIGHT = (
     "truth.strip_bias_m=[0.03,0.03,0.05]",
 )
 BODY = ("roll", "pitch", "yaw")
-
-
-@dataclass(frozen=True)
-class Applied(Results):
-    """Results as they would be if nothing but the calibration determined the block."""
-
-    tables: Mapping[str, pd.DataFrame]
-
-    def table(self, name: str) -> pd.DataFrame:
-        return self.tables[name]
-
-    @property
-    def summary(self) -> Mapping[str, Any]:
-        return {"variance_components": None}
 
 
 @dataclass(frozen=True, eq=False)
