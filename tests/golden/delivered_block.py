@@ -239,6 +239,7 @@ class Delivered:
         )
         self.ray_camera = [self.camera[k] for k in self.ray_image]
         self.places: dict[Any, Any] = {}
+        self.series: dict[str, Array] = {}
         self._observations()
         self.speed = self.velocity()
         self.mounting = np.stack([mounting(self.project["cameras"][c]["mount_deg"]) for c in self.camera])
@@ -313,7 +314,7 @@ class Delivered:
                 Group(
                     "gnss_positions",
                     [("gnss_positions", i, "", c) for i in self.images for c in "xyz"],
-                    self._over_time(covariance, self.settings.get("gnss_correlation_s")),
+                    self.over_time("gnss_positions", covariance),
                 )
             )
         if "ins" in observe:
@@ -321,7 +322,7 @@ class Delivered:
                 Group(
                     "ins_attitudes",
                     [("ins_attitudes", i, "", c) for i in self.images for c in ("roll", "pitch", "yaw")],
-                    self._over_time(self._attitude_covariance(), self.settings.get("ins_correlation_s")),
+                    self.over_time("ins_attitudes", self._attitude_covariance()),
                 )
             )
         priors = self.parameters[self.free & self.parameters.sigma_prior.notna()]
@@ -402,14 +403,28 @@ class Delivered:
             e = t @ e
         return np.einsum("nij,nj,nkj->nik", e, own**2, e)
 
-    def _over_time(self, covariance: Array, tau: float | None) -> Array:
-        """(3 n, 3 n): errors L_i e_i with e of two exposures of a strip correlated by exp(−Δt/τ)."""
+    def correlation_time(self, group: str) -> float | None:
+        """As estimated, or as stated; s."""
+        for figure in self.results.summary.get("correlation_times") or ():
+            if figure["group"] == group:
+                return float(figure["correlation_s"])
+        stated = self.settings.get(f"{group.split('_')[0]}_correlation_s")
+        return None if stated is None else float(stated)
+
+    def over_time(self, group: str, covariance: Array, step: complex = 0.0) -> Array:
+        """(3 n, 3 n): errors L_i e_i with e of two exposures of a strip correlated by exp(−Δt/τ).
+
+        A step is added to τ; ``series`` keeps the covariances (n, 3, 3) of single exposures.
+        """
+        self.series[group], tau = covariance, self.correlation_time(group)
         n = len(covariance)
         correlation = np.eye(n)
         if tau is not None:
             key = list(zip(self.flight, self.strip, strict=True))
             same = np.array([[a == b for b in key] for a in key])
-            correlation = np.where(same, np.exp(-np.abs(np.subtract.outer(self.time, self.time)) / tau), 0.0)
+            correlation = np.where(
+                same, np.exp(-np.abs(np.subtract.outer(self.time, self.time)) / (tau + step)), 0.0
+            )
         root = np.linalg.cholesky(covariance)
         return np.einsum("ij,iac,jbc->iajb", correlation, root, root).reshape(3 * n, 3 * n)
 

@@ -30,6 +30,17 @@ class Case:
     adjusted: tuple[str, ...]
 
 
+#: Errors of GNSS and INS that last two exposures.
+CORRELATED = (
+    "noise.gnss_m=[0,0,0]",
+    "noise.gnss_markov_m=[0.05,0.05,0.06]",
+    "noise.gnss_correlation_s=20",
+    "noise.ins_deg=[0,0,0]",
+    "noise.ins_markov_deg=[0.003,0.003,0.008]",
+    "noise.ins_correlation_s=15",
+)
+
+
 def nothing(_: Path) -> None:
     """The delivery as it is."""
 
