@@ -297,6 +297,11 @@ class Delivered:
                     block_diagonal(covariance)[np.ix_(known.ravel(), known.ravel())],
                 )
             )
+        self.measured = self._distances()
+        if len(self.measured):
+            names = zip(self.measured["other_point"], self.measured["point"], strict=True)
+            keys = [(f"distances:{other}", "", point, "distance") for other, point in names]
+            groups.append(Group("distances", keys, np.diag(self.measured["sigma"] ** 2)))
         sigma = inputs["exposures"].get("sigma", {})
         self.antenna = self.frame.local(self.given[["x", "y", "z"]].to_numpy())
         self.antenna_axes = self.frame.grid(self.given[["x", "y", "z"]].to_numpy())
@@ -350,6 +355,17 @@ class Delivered:
                 own = table[name].to_numpy()
                 values[:, k] = np.where(np.isfinite(own), own, values[:, k])
         return pd.DataFrame(values, index=table.index)
+
+    def _distances(self) -> pd.DataFrame:
+        """Distances between points of the block, m, control and check."""
+        stated = self.project["inputs"].get("distances")
+        if stated is None:
+            return pd.DataFrame()
+        table = pd.read_csv(self.folder / stated["file"], dtype={"point": str, "other_point": str})
+        table = table[table["point"].isin(self.points) & table["other_point"].isin(self.points)]
+        unit = {"m": 1.0, "mm": 1e-3}[stated["unit"]]
+        sigma = table["sigma"].fillna(stated.get("sigma", np.nan))
+        return table.assign(distance=table["distance"] * unit, sigma=sigma * unit)
 
     def _prior_sigma(self, priors: pd.DataFrame) -> Array:
         """As the project states them, in SI."""
@@ -456,6 +472,10 @@ class Delivered:
             apart = place[self.survey_point] - self.survey_local
             along = turned(np.swapaxes(self.survey_axes, 1, 2), apart)
             found.append(along[self.survey_known])
+        if "distances" in names:
+            ends = [self.measured[end].map(self.point_number).to_numpy() for end in ("point", "other_point")]
+            between = place[ends[1]] - place[ends[0]]
+            found.append(np.sqrt(np.sum(between * between, axis=1)) - self.measured["distance"].to_numpy())
         if "gnss_positions" in names:
             lever = turned(body, self.of(g, tuple(f"lever_arm_{c}" for c in "xyz"), self.camera))
             shift = self.of(g, tuple(f"gnss_shift_{c}" for c in "xyz"), self.flight)
@@ -524,7 +544,12 @@ def part_of(key: tuple[str, str, str, str]) -> str:
         return f"{group} {'height' if component == 'z' else 'plan'}"
     if group == "ins_attitudes":
         return f"{group} {'yaw' if component == 'yaw' else 'roll and pitch'}"
-    return ":".join(group.split(":")[:2])
+    return family_of(group)
+
+
+def family_of(group: str) -> str:
+    """The name of a group without entity or other end."""
+    return ":".join(group.split(":")[: 2 if group.startswith("prior") else 1])
 
 
 class Solved:
@@ -546,6 +571,11 @@ class Solved:
             for k in range(width):
                 every = first + k + width * np.arange(n if width == 6 else m)
                 self.all_a[rows, first + k + width * of[rows]] = self.derivative(every)[rows]
+        joined = [k for k, key in enumerate(self.keys) if key[0].startswith("distances:")]
+        for k in joined:
+            for point in (self.keys[k][2], self.keys[k][0].removeprefix("distances:")):
+                for column in 6 * n + 3 * d.point_number[point] + np.arange(3):
+                    self.all_a[k, column] = self.derivative(column)[k]
         for k in range(6 * n + 3 * m, len(columns)):
             self.all_a[:, k] = self.derivative(columns[k])
         covariance = scipy.linalg.block_diag(*(group.covariance for group in d.groups))
@@ -570,7 +600,8 @@ class Solved:
         return np.array([self.d.image_number.get(key[1], -1) for key in self.keys])
 
     def point_of_row(self) -> Array:
-        return np.array([self.d.point_number.get(key[2], -1) for key in self.keys])
+        one = [key[2] if not key[0].startswith("distances:") else "" for key in self.keys]
+        return np.array([self.d.point_number.get(point, -1) for point in one])
 
     def derivative(self, k: Any) -> Array:
         x = self.x0.astype(complex)

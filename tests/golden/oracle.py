@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +15,7 @@ from flows.runs.project_run import RunRequest, carry_out
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.flows.adjustment_alone import adjustment_alone
-from tests.golden.delivered_block import Array, Delivered, Results, Solved
+from tests.golden.delivered_block import Array, Delivered, ProjectedFrame, Results, Solved
 
 SMALL = ("points.count=30", "control.columns=5", "control.rows=4", "control.control=9")
 DELTA0 = 4.132
@@ -62,6 +63,33 @@ def with_own_sigmas(folder: Path) -> None:
     exposures[["somega", "sphi", "skappa"]] = rng.uniform(0.002, 0.008, (len(exposures), 3)).round(6)
     exposures.to_csv(folder / "exposures.csv", index=False)
     stated("image_points.csv", ("sx", "sy"), 0.0008, 0.0016).to_csv(folder / "image_points.csv", index=False)
+
+
+def with_distances(folder: Path, count: int = 12, in_order: int = 12) -> None:
+    """Measured distances of points of three and more images, a quarter of them for check.
+
+    Parameters
+    ----------
+    in_order : how many places the two ends are apart among the names.
+    """
+    project = folder / "project.toml"
+    seen = pd.read_csv(folder / "image_points.csv", dtype=str)["point"].value_counts()
+    truth = pd.read_parquet(folder / "truth" / "object_points.parquet").set_index("point")
+    names = sorted(set(seen.index[seen >= 3]) & set(truth.index))
+    place = truth.loc[names, ["x_m", "y_m", "z_m"]].to_numpy()
+    if (crs := tomllib.loads(project.read_text())["project"]["crs"]) != "local":
+        place = ProjectedFrame(crs, place).local(place)
+    rng = np.random.default_rng(5)
+    one = np.arange(count) % len(names)
+    other = (one + in_order + np.arange(count) // len(names)) % len(names)
+    sigma = rng.uniform(0.005, 0.02, count).round(4)
+    length = np.linalg.norm(place[other] - place[one], axis=1) + sigma * rng.normal(size=count)
+    table = pd.DataFrame({"distance": (length * 1e3).round(3), "sigma": sigma * 1e3})
+    table["point"], table["other_point"] = np.array(names)[one], np.array(names)[other]
+    table["role"] = np.where(np.arange(count) % 4 == 3, "check", "control")
+    table.to_csv(folder / "distances.csv", index=False)
+    added = '\n[inputs.distances]\nfile = "distances.csv"\nunit = "mm"\n'
+    project.write_text(project.read_text() + added)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ docs/theory/adjustment.md.
 from __future__ import annotations
 
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -24,6 +25,7 @@ from tests.golden.delivered_block import (
     angles_of,
     block_diagonal,
     brown,
+    family_of,
     inverse,
     named,
     opk,
@@ -31,13 +33,29 @@ from tests.golden.delivered_block import (
     turned,
 )
 from tests.golden.likelihood import Likelihood
-from tests.golden.oracle import CORRELATED, DELTA0, Case, Oracle, nothing, same, with_own_sigmas
+from tests.golden.oracle import (
+    CORRELATED,
+    DELTA0,
+    Case,
+    Oracle,
+    nothing,
+    same,
+    with_distances,
+    with_own_sigmas,
+)
 
 ELEMENTS = (*PLACE, *ANGLES)
 OF_ELEMENTS = np.array([1.0, 1.0, 1.0, DEGREE, DEGREE, DEGREE])
 
+
+def with_own_sigmas_and_distances(folder: Path) -> None:
+    """Both."""
+    with_own_sigmas(folder)
+    with_distances(folder)
+
+
 CASES = {
-    "a map, a σ of its own for every coordinate": Case(
+    "a map, distances, a σ of its own for every coordinate": Case(
         (
             "project.crs=EPSG:25832",
             "project.latitude_deg=48.9",
@@ -45,7 +63,7 @@ CASES = {
             "project.angles=omega-phi-kappa",
             "truth.strip_bias_m=[0.03,0.03,0.05]",
         ),
-        with_own_sigmas,
+        with_own_sigmas_and_distances,
         (),
     ),
     "correlation in time, rejection, σ0 a priori": Case(
@@ -120,7 +138,7 @@ def test_residuals_and_their_statistics(oracle: Oracle) -> None:
 
 def test_groups(oracle: Oracle) -> None:
     d, every = oracle.dense, oracle.results.table("residuals")
-    family = np.array([":".join(key[0].split(":")[:2]) for key in oracle.keys])
+    family = np.array([family_of(key[0]) for key in oracle.keys])
     squares = d.v * (d.p @ d.v)
     for group in oracle.results.summary["groups"]:
         own = family == group["group"]

@@ -18,7 +18,7 @@ import pytest
 
 from tests.golden.delivered_block import PLACE, Array
 from tests.golden.delivered_ground import Ground, heights_over_triangles
-from tests.golden.oracle import DELTA0, Case, Oracle, nothing, same, with_own_sigmas
+from tests.golden.oracle import DELTA0, Case, Oracle, nothing, same, with_distances, with_own_sigmas
 
 XYZ = ("x", "y", "z")
 CASES = {
@@ -49,9 +49,9 @@ CASES = {
             "area_m=[[-1500,-1500],[3500,-1000],[1500,2500]]}",
         ),
     ),
-    "variance components, cells in between": Case(
+    "variance components, distances, cells in between": Case(
         ("noise.gnss_m=[0.02,0.02,0.10]", "truth.focal_length_change_mm=0.01"),
-        nothing,
+        with_distances,
         ("adjustment.variance_components=true", "trust_map={cell_m=200}"),
     ),
 }
@@ -209,7 +209,8 @@ def test_errors_in_new_image_coordinates(trust_map: Map) -> None:
 def test_errors_in_the_block(trust_map: Map) -> None:
     oracle = trust_map.oracle
     rays = np.array([key[0] == "image_points" for key in oracle.keys])
-    block = np.abs(trust_map.effects[:, :, ~rays]).max(axis=2)
+    distances = np.array([key[0].startswith("distances:") for key in oracle.keys])
+    block = np.abs(trust_map.effects[:, :, ~rays & ~distances]).max(axis=2)
     image = np.array([oracle.block.image_number[key[1]] for key in oracle.keys if key[0] == "image_points"])
     effects, of_rays = np.abs(trust_map.effects[:, :, rays]), np.zeros_like(block)
     for cell, images in enumerate(trust_map.ground.images):
