@@ -10,6 +10,7 @@ import json
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,8 @@ import numpy as np
 import pandas as pd
 import pyproj
 import scipy.linalg
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from tests.golden.delivered_refraction import Array, Refraction, coefficient, intersections
 
 STEP = 1e-30
 ANGLES = ("omega_deg", "phi_deg", "kappa_deg")
@@ -129,6 +129,9 @@ class LocalFrame:
 
     enu = grid
 
+    def height(self, local: Array) -> Array:
+        return np.asarray(local[:, 2])
+
 
 class ProjectedFrame:
     """A projected CRS: east, north, up at the mean of the exposures on the ellipsoid."""
@@ -165,6 +168,15 @@ class ProjectedFrame:
 
     def local(self, in_map: Array) -> Array:
         return (self.ecef(self.geodetic(in_map)) - self.origin) @ self.axes
+
+    def height(self, local: Array) -> Array:
+        """Ellipsoidal heights (n,) of places in the frame of the adjustment."""
+        to_geodetic = pyproj.Transformer.from_pipeline(f"+proj=cart +inv {self.ellipsoid_in_words}")
+        return np.asarray(to_geodetic.transform(*(self.origin + local @ self.axes.T).T)[2])
+
+    @property
+    def ellipsoid_in_words(self) -> str:
+        return f"+a={self.ellipsoid.semi_major_metre} +b={self.ellipsoid.semi_minor_metre!r}"
 
     def enu(self, in_map: Array) -> Array:
         """local_from_enu (n, 3, 3)."""
@@ -240,9 +252,9 @@ class Delivered:
         self.ray_camera = [self.camera[k] for k in self.ray_image]
         self.places: dict[Any, Any] = {}
         self.series: dict[str, Array] = {}
+        self.mounting = np.stack([mounting(self.project["cameras"][c]["mount_deg"]) for c in self.camera])
         self._observations()
         self.speed = self.velocity()
-        self.mounting = np.stack([mounting(self.project["cameras"][c]["mount_deg"]) for c in self.camera])
 
     def both(self, in_map: Array) -> tuple[Array, Array]:
         return self.frame.local(in_map), self.frame.grid(in_map)
@@ -345,6 +357,23 @@ class Delivered:
                 )
             )
         self.groups = groups
+        if self.settings.get("refraction", "standard") == "standard":
+            self.xy = self.refraction.straight(self.xy)
+
+    @cached_property
+    def refraction(self) -> Refraction:
+        """Of the image points, at the orientations and with the cameras that are delivered."""
+        attitude, centre = self.local_from_body @ self.mounting, self.antenna
+        stated = [self.project["cameras"][name] for name in self.ray_camera]
+        given = [[camera["focal_length_mm"], *camera["principal_point_mm"]] for camera in stated]
+        interior = np.array(given) * 1e-3
+        sigma = np.sqrt(np.diagonal(self.groups[0].covariance)).reshape(-1, 2)
+        of_ray = centre[self.ray_image], attitude[self.ray_image]
+        places = intersections(*of_ray, self.xy - interior[:, 1:], interior[:, 0], self.ray_point, sigma)
+        up = self.frame.enu(self.given[["x", "y", "z"]].to_numpy())[:, :, 2]
+        down = -turned(np.swapaxes(attitude, 1, 2), up)[self.ray_image]
+        k = coefficient(self.given["z"].to_numpy()[self.ray_image], self.frame.height(places)[self.ray_point])
+        return Refraction(interior, down, k)
 
     def _sigma(self, table: pd.DataFrame, common: Any) -> pd.DataFrame:
         values = np.broadcast_to(
@@ -389,8 +418,7 @@ class Delivered:
             enu_from_ned = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
             return self.frame.enu(at) @ enu_from_ned @ ned
         r = opk(np.radians(self.given[["omega", "phi", "kappa"]].to_numpy()))
-        t = np.stack([mounting(self.project["cameras"][c]["mount_deg"]) for c in self.camera])
-        return self.frame.grid(at) @ r @ np.swapaxes(t, 1, 2)
+        return self.frame.grid(at) @ r @ np.swapaxes(self.mounting, 1, 2)
 
     def _attitude_covariance(self) -> Array:
         """Covariances (n, 3, 3) of rotations of the body about its axes."""
@@ -415,8 +443,7 @@ class Delivered:
             columns.append(np.stack([change[:, 2, 1], change[:, 0, 2], change[:, 1, 0]], axis=-1))
         e = np.stack(columns, axis=-1)
         if matrix is opk:
-            t = np.stack([mounting(self.project["cameras"][c]["mount_deg"]) for c in self.camera])
-            e = t @ e
+            e = self.mounting @ e
         return np.einsum("nij,nj,nkj->nik", e, own**2, e)
 
     def correlation_time(self, group: str) -> float | None:

@@ -6,6 +6,7 @@ docs/theory/adjustment.md.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -32,6 +33,7 @@ from tests.golden.delivered_block import (
     part_of,
     turned,
 )
+from tests.golden.delivered_refraction import coefficient
 from tests.golden.likelihood import Likelihood
 from tests.golden.oracle import (
     CORRELATED,
@@ -55,12 +57,13 @@ def with_own_sigmas_and_distances(folder: Path) -> None:
 
 
 CASES = {
-    "a map, distances, a σ of its own for every coordinate": Case(
+    "a map, refraction, distances, a σ of its own for every coordinate": Case(
         (
             "project.crs=EPSG:25832",
             "project.latitude_deg=48.9",
             "project.longitude_deg=10.7",
             "project.angles=omega-phi-kappa",
+            "truth.refraction=true",
             "truth.strip_bias_m=[0.03,0.03,0.05]",
         ),
         with_own_sigmas_and_distances,
@@ -83,8 +86,9 @@ CASES = {
     "variance components and correlation times": Case(
         CORRELATED, nothing, ("adjustment.estimate_correlation=true", "adjustment.variance_components=true")
     ),
-    "variance components, self-calibration": Case(
+    "refraction, variance components, self-calibration": Case(
         (
+            "truth.refraction=true",
             "truth.strip_bias_m=[0.03,0.03,0.05]",
             "truth.focal_length_change_mm=0.01",
             "truth.image_errors.radial_um=5",
@@ -342,8 +346,16 @@ class Alternatives:
     def column(self, row: pd.Series) -> Array | None:
         """Of one row of the table; None where it is not computed here."""
         quantity, entity = str(row["quantity"]), str(row["entity"])
-        if quantity in ("refraction", "convergence", "angle_order"):
+        if quantity in ("convergence", "angle_order"):
             return None
+        if quantity == "refraction":
+            column = np.zeros(len(self.group))
+            # At the delivered orientations, with the heights of the adjusted points.
+            heights = self.block.given["z"].to_numpy(), self.block.map_of_point[:, 2]
+            k = coefficient(heights[0][self.block.ray_image], heights[1][self.block.ray_point])
+            bent = replace(self.block.refraction, k=k).bent(self.block.xy)
+            column[: bent.size] = (bent - self.block.xy).ravel()
+            return column
         for prefix, group in SINGLE.items():
             if quantity.startswith(prefix):
                 own = (self.group == group) & (self.component == quantity.removeprefix(prefix))
