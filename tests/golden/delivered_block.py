@@ -220,7 +220,10 @@ class Delivered:
         self.given = pd.read_csv(self.folder / inputs["exposures"]["file"], **read).set_index("image")
         self.control = pd.read_csv(self.folder / inputs["control"]["file"], **read).set_index("point")
         orientations = results.table("exterior_orientations").set_index("image")
-        self.images, self.points = list(orientations.index), []
+        # Exposures have unknowns; several images of a rig have the pose of one.
+        of_image = self.exposure_of(list(orientations.index))
+        self.images, self.points = list(dict.fromkeys(of_image.values())), []
+        orientations, self.camera_of_image = orientations.loc[self.images], self.given["camera"].to_dict()
         self.given = self.given.loc[self.images]
         objects = results.table("object_points").set_index("point")
         self.points = list(objects.index)
@@ -237,11 +240,11 @@ class Delivered:
         self.factor = self.parameters.unit.map(lambda unit: UNITS.get(unit, 1.0)).to_numpy()
         self.g = self.parameters.value.to_numpy() * self.factor
         self.free = ~self.parameters.status.isin(["fixed", "considered", "eliminated"]).to_numpy()
-        used = self.rays.image.isin(self.images) & self.rays.point.isin(self.points)
+        used = self.rays.image.isin(list(of_image)) & self.rays.point.isin(self.points)
         self.rays = self.rays[used].reset_index(drop=True)
-        at = {name: k for k, name in enumerate(self.images)}
-        self.ray_image = self.rays.image.map(at).to_numpy()
-        self.image_number = at
+        number = {name: k for k, name in enumerate(self.images)}
+        self.image_number = {image: number[exposure] for image, exposure in of_image.items()}
+        self.ray_image = self.rays.image.map(self.image_number).to_numpy()
         self.point_number = {name: k for k, name in enumerate(self.points)}
         self.ray_point = self.rays.point.map(self.point_number).to_numpy()
         self.camera = self.given["camera"].tolist()
@@ -249,12 +252,16 @@ class Delivered:
         self.flight = (
             self.given["flight"].fillna("").tolist() if "flight" in self.given else [""] * len(self.given)
         )
-        self.ray_camera = [self.camera[k] for k in self.ray_image]
+        self.ray_camera = self.rays.image.map(self.camera_of_image).tolist()
         self.places: dict[Any, Any] = {}
         self.series: dict[str, Array] = {}
         self.mounting = np.stack([mounting(self.project["cameras"][c]["mount_deg"]) for c in self.camera])
         self._observations()
         self.speed = self.velocity()
+
+    def exposure_of(self, images: list[str]) -> dict[str, str]:
+        """The exposure whose pose each image has: its own."""
+        return {name: name for name in images}
 
     def both(self, in_map: Array) -> tuple[Array, Array]:
         return self.frame.local(in_map), self.frame.grid(in_map)
@@ -363,17 +370,22 @@ class Delivered:
     @cached_property
     def refraction(self) -> Refraction:
         """Of the image points, at the orientations and with the cameras that are delivered."""
-        attitude, centre = self.local_from_body @ self.mounting, self.antenna
         stated = [self.project["cameras"][name] for name in self.ray_camera]
         given = [[camera["focal_length_mm"], *camera["principal_point_mm"]] for camera in stated]
         interior = np.array(given) * 1e-3
+        at = (self.parameters["value"] - self.parameters["change"]).to_numpy() * self.factor
+        attitude = (self.local_from_body @ self.mounting)[self.ray_image]
+        centre, attitude = self.pose_of_rays(
+            self.antenna[self.ray_image], attitude, at.to_numpy() * self.factor
+        )
         sigma = np.sqrt(np.diagonal(self.groups[0].covariance)).reshape(-1, 2)
-        of_ray = centre[self.ray_image], attitude[self.ray_image]
-        places = intersections(*of_ray, self.xy - interior[:, 1:], interior[:, 0], self.ray_point, sigma)
-        up = self.frame.enu(self.given[["x", "y", "z"]].to_numpy())[:, :, 2]
-        down = -turned(np.swapaxes(attitude, 1, 2), up)[self.ray_image]
-        k = coefficient(self.given["z"].to_numpy()[self.ray_image], self.frame.height(places)[self.ray_point])
-        return Refraction(interior, down, k)
+        xy, c = self.xy - interior[:, 1:], interior[:, 0]
+        places = intersections(centre, attitude, xy, c, self.ray_point, sigma)
+        up = self.frame.enu(self.given[["x", "y", "z"]].to_numpy())[self.ray_image, :, 2]
+        down = -turned(np.swapaxes(attitude, 1, 2), up)
+        height = self.frame.height(centre)
+        k = coefficient(height, self.frame.height(places)[self.ray_point])
+        return Refraction(interior, down, height, k)
 
     def _sigma(self, table: pd.DataFrame, common: Any) -> pd.DataFrame:
         values = np.broadcast_to(
@@ -533,12 +545,17 @@ class Delivered:
         return v
 
     def _of_image_points(self, centre: Array, r: Array, place: Array, g: Array) -> Array:
-        p = turned(np.swapaxes(r, 1, 2)[self.ray_image], place[self.ray_point] - centre[self.ray_image])
+        centre, r = self.pose_of_rays(centre[self.ray_image], r[self.ray_image], g)
+        p = turned(np.swapaxes(r, 1, 2), place[self.ray_point] - centre)
         camera = self.ray_camera
         c = self.of(g, ("focal_length",), camera)
         x0 = self.of(g, ("principal_point_x", "principal_point_y"), camera)
         ideal = -c * p[:, :2] / p[:, 2:]
         return (ideal + x0 - self.correction(self.xy - x0, g, camera) - self.xy).ravel()
+
+    def pose_of_rays(self, centre: Array, r: Array, _: Array) -> tuple[Array, Array]:
+        """Projection centres and local_from_camera of the rays, from those of their exposures and from g."""
+        return centre, r
 
     def correction(self, xy: Array, g: Array, camera: list[str]) -> Array:
         """Δ of Brown's parameters in metres."""

@@ -60,11 +60,13 @@ class Refraction:
     ----------
     interior : (n, 3) c, x0, y0, m.
     down : (n, 3) nadir in the axes of the camera.
+    height : (n,) of the projection centres, m.
     k : (n,) coefficients K.
     """
 
     interior: Array
     down: Array
+    height: Array
     k: Array
 
     def straight(self, xy: Array) -> Array:

@@ -101,10 +101,10 @@ class Oracle:
     dense: Solved
 
     @classmethod
-    def of(cls, project: Path, results: Results) -> Oracle:
+    def of(cls, project: Path, results: Results, kind: type[Delivered] = Delivered) -> Oracle:
         table = results.table("residuals").fillna({"image": "", "point": ""})
         status = table.set_index(["group", "image", "point", "component"])["status"].to_dict()
-        block = Delivered(project, results)
+        block = kind(project, results)
         return cls(results, block, Solved(block, lambda key: status[key] in ("used", "uncontrolled")))
 
     @classmethod

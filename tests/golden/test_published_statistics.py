@@ -351,8 +351,7 @@ class Alternatives:
         if quantity == "refraction":
             column = np.zeros(len(self.group))
             # At the delivered orientations, with the heights of the adjusted points.
-            heights = self.block.given["z"].to_numpy(), self.block.map_of_point[:, 2]
-            k = coefficient(heights[0][self.block.ray_image], heights[1][self.block.ray_point])
+            k = coefficient(self.block.refraction.height, self.block.map_of_point[self.block.ray_point, 2])
             bent = replace(self.block.refraction, k=k).bent(self.block.xy)
             column[: bent.size] = (bent - self.block.xy).ravel()
             return column
@@ -371,12 +370,19 @@ class Alternatives:
         if quantity == "time_offset":
             speed = turned(np.swapaxes(self.block.antenna_axes, 1, 2), self.block.speed)
             axis = np.array(["xyz".find(name) for name in self.component])
-            return np.where(self.group == "gnss_positions", speed[self.of_image, axis], 0.0)
+            column = np.where(self.group == "gnss_positions", speed[self.of_image, axis], 0.0)
+            if "rate_roll" in self.block.given:
+                rate = np.radians(self.block.given[[f"rate_{name}" for name in BODY]].to_numpy())
+                turns = self.group == "ins_attitudes"
+                about_axis = [BODY.index(name) for name in self.component[turns]]
+                column[turns] = rate[self.of_image[turns], about_axis]
+            return column
         if (quantity, entity) not in self.block.number and quantity.startswith("brown:"):
             x0 = self.block.of(self.block.g, X0, self.block.ray_camera)
             terms = brown(self.block.xy - x0)[:, :, BROWN.index(quantity.removeprefix("brown:"))]
             column = np.zeros(len(self.group))
-            column[: terms.size] = -terms.ravel()
+            own = np.array([camera == entity for camera in self.block.ray_camera])
+            column[: terms.size] = -(terms * own[:, None]).ravel()
             return column
         entities = [entity] if entity else sorted(set(self.block.flight))
         first = len(self.oracle.dense.x0) - len(self.block.g)
@@ -423,6 +429,7 @@ class Alternatives:
         )
 
 
+BODY = ("roll", "pitch", "yaw")
 X0 = ("principal_point_x", "principal_point_y")
 SINGLE = {
     "control_point_": "control_points",

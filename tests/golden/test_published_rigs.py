@@ -1,0 +1,136 @@
+"""Statistics of a rig by dense algebra: heads have the poses of events, which GNSS and INS observe once.
+
+Mounting and synchronisation offsets of the heads are estimated; formulas: docs/theory/adjustment.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flows.runs.project_run import RunRequest, carry_out
+from tasks.settings.load_simulation import load_simulation
+from tasks.simulation.simulate import simulate_project
+from tests.flows.adjustment_alone import adjustment_alone
+from tests.golden import test_published_statistics as statistics
+from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, STEP, Array, Results, angles_of, opk
+from tests.golden.delivered_rig import DeliveredRig
+from tests.golden.oracle import Oracle, same
+
+FLIGHT = (
+    "points.count=60",
+    "control.columns=5",
+    "control.rows=4",
+    "flight.name=E",
+    "flight.heading_deg=90.0",
+    "flight.lines=2",
+    "flight.exposures=4",
+    "flight.end_lap=0.6",
+    'project.free=["boresight", "gnss_shift", "relative_rotation", "synchronisation_offset", "focal_length"]',
+)
+ELEMENTS = (*PLACE, *ANGLES)
+UNITS = np.array([1.0, 1.0, 1.0, DEGREE, DEGREE, DEGREE])
+CHECKS = (
+    statistics.test_the_adjusted_values_are_at_the_minimum,
+    statistics.test_residuals_and_their_statistics,
+    statistics.test_groups,
+    statistics.test_points_and_parameters,
+    statistics.test_control_points,
+    statistics.test_check_points,
+    statistics.test_influences_of_observations_on_parameters,
+    statistics.test_what_holds_the_datum,
+    statistics.test_alternatives_of_the_model,
+)
+
+
+@pytest.fixture(scope="module")
+def oracle(tmp_path_factory: pytest.TempPathFactory) -> Oracle:
+    folder = tmp_path_factory.mktemp("rig")
+    project = simulate_project(load_simulation("penta", FLIGHT, 3), folder).project_file
+    found = carry_out(adjustment_alone, RunRequest(project, folder / "results"))
+    assert found.error is None, found.error
+    return Oracle.of(project, Results(found.directory), DeliveredRig)
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("test_"))
+def test_statistics_of_the_block(oracle: Oracle, check: Callable[[Oracle], None]) -> None:
+    check(oracle)
+
+
+@pytest.fixture(scope="module")
+def images(oracle: Oracle) -> pd.DataFrame:
+    return oracle.results.table("exterior_orientations")
+
+
+@pytest.fixture(scope="module")
+def covariance(oracle: Oracle, images: pd.DataFrame) -> Array:
+    """(6 n, 6 n) of all images of all heads, J Q Jᵀ in the units of the table."""
+    return oracle.factor**2 * (j := dependence(oracle, images)) @ oracle.dense.q @ j.T
+
+
+def dependence(oracle: Oracle, images: pd.DataFrame) -> Array:
+    """(6 n, u) Derivatives of the orientations by the unknowns, at which they are those of the table."""
+    block = oracle.block
+    assert isinstance(block, DeliveredRig)
+    event = images["image"].map(block.image_number).to_numpy()
+    camera = images["image"].map(block.camera_of_image).tolist()
+    assert len(set(camera)) == 5
+
+    def orientations(x: Array) -> Array:
+        n, g = len(block.images), x[-len(block.g) :]
+        exposure = x[: 6 * n].reshape(n, 6)
+        centre, attitude = block.centre + exposure[:, :3], opk(exposure[:, 3:])
+        at, r = block.pose_of_heads(centre[event], attitude[event], g, camera, event)
+        if np.iscomplexobj(x):  # angles as functions of complex matrices
+            first = angles_of(r.real)
+            cosine = np.cos(first[:, 1])
+            turn = np.stack(
+                [
+                    (r[:, 1, 2].imag * -r[:, 2, 2].real + r[:, 2, 2].imag * r[:, 1, 2].real) / cosine**2,
+                    r[:, 0, 2].imag / cosine,
+                    (r[:, 0, 1].imag * -r[:, 0, 0].real + r[:, 0, 0].imag * r[:, 0, 1].real) / cosine**2,
+                ],
+                axis=1,
+            )
+            return np.hstack([at.imag, turn]) / STEP
+        return np.hstack([at, angles_of(r)])
+
+    x = oracle.dense.x0
+    found = orientations(x)
+    apart = np.remainder(images[list(ANGLES)] * DEGREE - found[:, 3:] + np.pi, 2 * np.pi) - np.pi
+    same(apart, np.zeros_like(apart), "angles of heads", of=1.0, tolerance=1e-12)
+    same(images[list(PLACE)], found[:, :3], "positions of heads", of=1.0, tolerance=1e-9)
+    columns = []
+    for k in oracle.dense.columns:
+        moved = x.astype(complex)
+        moved[k] += 1j * STEP
+        columns.append((orientations(moved) / UNITS).ravel())
+    return np.stack(columns, axis=1)
+
+
+def test_orientations_of_heads(images: pd.DataFrame, covariance: Array) -> None:
+    n = len(images)
+    sigma = np.sqrt(np.diagonal(covariance)).reshape(n, 6)
+    same(images[[f"sigma_{name}" for name in ELEMENTS]], sigma, "σ of orientations")
+    every = 6 * np.arange(n)
+    for i, j in combinations(range(6), 2):
+        a, b = ELEMENTS[i].split("_")[0], ELEMENTS[j].split("_")[0]
+        expected = covariance[every + i, every + j] / (sigma[:, i] * sigma[:, j])
+        same(images[f"correlation_{a}_{b}"], expected, "correlation", of=np.ones(n))
+
+
+def test_neighbouring_images(oracle: Oracle, images: pd.DataFrame, covariance: Array) -> None:
+    pairs = oracle.results.table("neighbouring_images")
+    assert len(pairs)
+    place = {name: k for k, name in enumerate(images["image"])}
+    sigma = np.sqrt(np.diagonal(covariance))
+    for k, name in enumerate(ELEMENTS):
+        i, j = (pairs[c].map(place).to_numpy() * 6 + k for c in ("image", "next_image"))
+        axis, unit = name.split("_")
+        same(pairs[f"rho_{axis}"], covariance[i, j] / (sigma[i] * sigma[j]), "ρ", of=np.ones(len(i)))
+        variance = covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j]
+        same(pairs[f"sigma_d{axis}_{unit}"], np.sqrt(variance), "σ of a difference")
