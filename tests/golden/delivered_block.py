@@ -375,9 +375,7 @@ class Delivered:
         interior = np.array(given) * 1e-3
         at = (self.parameters["value"] - self.parameters["change"]).to_numpy() * self.factor
         attitude = (self.local_from_body @ self.mounting)[self.ray_image]
-        centre, attitude = self.pose_of_rays(
-            self.antenna[self.ray_image], attitude, at.to_numpy() * self.factor
-        )
+        centre, attitude = self.pose_of_rays(self.antenna[self.ray_image], attitude, at)
         sigma = np.sqrt(np.diagonal(self.groups[0].covariance)).reshape(-1, 2)
         xy, c = self.xy - interior[:, 1:], interior[:, 0]
         places = intersections(centre, attitude, xy, c, self.ray_point, sigma)

@@ -8,8 +8,9 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
-from tests.golden.delivered_block import Array, Delivered, mounting, rpy, turned
+from tests.golden.delivered_block import ANGLES, PLACE, STEP, Array, Delivered, mounting, opk, rpy, turned
 
 BODY = ("roll", "pitch", "yaw")
 
@@ -58,3 +59,39 @@ def small_exp(vector: Array) -> Array:
     nil = np.zeros_like(x)
     k = np.array([[nil, -z, y], [z, nil, -x], [-y, x, nil]]).transpose(2, 0, 1)
     return np.asarray(np.eye(3) + k + k @ k / 2.0 + k @ k @ k / 6.0)
+
+
+def dependence(block: DeliveredRig, x: Array, images: pd.DataFrame, columns: list[int]) -> Array:
+    """(6 n, u) Derivatives of the orientations of images, m and rad, by some of the unknowns.
+
+    Parameters
+    ----------
+    x : all unknowns: poses of the exposures, points, system parameters.
+    images : exterior_orientations.parquet.
+    """
+    event = images["image"].map(block.image_number).to_numpy()
+    camera = images["image"].map(block.camera_of_image).tolist()
+
+    def poses(x: Array) -> tuple[Array, Array]:
+        n, g = len(block.images), x[-len(block.g) :]
+        exposure = x[: 6 * n].reshape(n, 6)
+        centre, attitude = block.centre + exposure[:, :3], opk(exposure[:, 3:])
+        return block.pose_of_heads(centre[event], attitude[event], g, camera, event)
+
+    centre, r = poses(x)
+    angles = np.radians(images[list(ANGLES)].to_numpy())
+    np.testing.assert_allclose(images[list(PLACE)], centre, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(opk(angles), r, rtol=0.0, atol=1e-12)
+    found = []
+    for k in columns:
+        moved = x.astype(complex)
+        moved[k] += 1j * STEP
+        at, turned_to = poses(moved)
+        # ω = atan2(−r12, r22), φ = asin(r02), κ = atan2(−r01, r00).
+        d, cosine = turned_to.imag / STEP, np.cos(angles[:, 1])
+        omega = (d[:, 2, 2] * r[:, 1, 2] - d[:, 1, 2] * r[:, 2, 2]) / cosine**2
+        kappa = (d[:, 0, 0] * r[:, 0, 1] - d[:, 0, 1] * r[:, 0, 0]) / cosine**2
+        found.append(
+            np.hstack([at.imag / STEP, np.column_stack([omega, d[:, 0, 2] / cosine, kappa])]).ravel()
+        )
+    return np.stack(found, axis=1)

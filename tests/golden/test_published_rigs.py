@@ -17,8 +17,8 @@ from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.flows.adjustment_alone import adjustment_alone
 from tests.golden import test_published_statistics as statistics
-from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, STEP, Array, Results, angles_of, opk
-from tests.golden.delivered_rig import DeliveredRig
+from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, Array, Results
+from tests.golden.delivered_rig import DeliveredRig, dependence
 from tests.golden.oracle import Oracle, same
 
 FLIGHT = (
@@ -69,47 +69,11 @@ def images(oracle: Oracle) -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def covariance(oracle: Oracle, images: pd.DataFrame) -> Array:
     """(6 n, 6 n) of all images of all heads, J Q Jᵀ in the units of the table."""
-    return oracle.factor**2 * (j := dependence(oracle, images)) @ oracle.dense.q @ j.T
-
-
-def dependence(oracle: Oracle, images: pd.DataFrame) -> Array:
-    """(6 n, u) Derivatives of the orientations by the unknowns, at which they are those of the table."""
-    block = oracle.block
-    assert isinstance(block, DeliveredRig)
-    event = images["image"].map(block.image_number).to_numpy()
-    camera = images["image"].map(block.camera_of_image).tolist()
-    assert len(set(camera)) == 5
-
-    def orientations(x: Array) -> Array:
-        n, g = len(block.images), x[-len(block.g) :]
-        exposure = x[: 6 * n].reshape(n, 6)
-        centre, attitude = block.centre + exposure[:, :3], opk(exposure[:, 3:])
-        at, r = block.pose_of_heads(centre[event], attitude[event], g, camera, event)
-        if np.iscomplexobj(x):  # angles as functions of complex matrices
-            first = angles_of(r.real)
-            cosine = np.cos(first[:, 1])
-            turn = np.stack(
-                [
-                    (r[:, 1, 2].imag * -r[:, 2, 2].real + r[:, 2, 2].imag * r[:, 1, 2].real) / cosine**2,
-                    r[:, 0, 2].imag / cosine,
-                    (r[:, 0, 1].imag * -r[:, 0, 0].real + r[:, 0, 0].imag * r[:, 0, 1].real) / cosine**2,
-                ],
-                axis=1,
-            )
-            return np.hstack([at.imag, turn]) / STEP
-        return np.hstack([at, angles_of(r)])
-
-    x = oracle.dense.x0
-    found = orientations(x)
-    apart = np.remainder(images[list(ANGLES)] * DEGREE - found[:, 3:] + np.pi, 2 * np.pi) - np.pi
-    same(apart, np.zeros_like(apart), "angles of heads", of=1.0, tolerance=1e-12)
-    same(images[list(PLACE)], found[:, :3], "positions of heads", of=1.0, tolerance=1e-9)
-    columns = []
-    for k in oracle.dense.columns:
-        moved = x.astype(complex)
-        moved[k] += 1j * STEP
-        columns.append((orientations(moved) / UNITS).ravel())
-    return np.stack(columns, axis=1)
+    assert isinstance(oracle.block, DeliveredRig)
+    assert images["image"].map(oracle.block.camera_of_image).nunique() == 5
+    dense = oracle.dense
+    j = dependence(oracle.block, dense.x0, images, list(dense.columns)) / np.tile(UNITS, len(images))[:, None]
+    return np.asarray(oracle.factor**2 * j @ dense.q @ j.T)
 
 
 def test_orientations_of_heads(images: pd.DataFrame, covariance: Array) -> None:
