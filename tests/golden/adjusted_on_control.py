@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from tests.golden.delivered_block import ANGLES, PLACE, Applied, Array, Delivered, Results, Solved, named
+from tests.golden.delivered_block import Array, Results, Solved, named
+from tests.golden.dense_adjustment import at_minimum
 from tests.golden.strips_of_two_steps import Strips
 
 
@@ -29,13 +28,7 @@ class OnControl:
         names = ("exterior_orientations", "object_points", "parameters")
         tables = {name: self.first.table(name) for name in names}
         tables["parameters"] = tables["parameters"].assign(status="fixed")
-        for _ in range(10):
-            solved = Solved(Delivered(alone, Applied(self.first.folder, tables)), lambda _: True)
-            b = -solved.a.T @ solved.p @ solved.v
-            if np.sqrt(b @ solved.q @ b) < 1e-9:
-                return solved
-            tables = moved(tables, solved.q @ b, len(solved.d.images))
-        raise AssertionError("no minimum")
+        return at_minimum(alone, self.first.folder, tables)
 
     @cached_property
     def covariance(self) -> Array:
@@ -60,13 +53,3 @@ class OnControl:
     def strips(self) -> Strips:
         block = self.dense.d
         return Strips(block.given, block.centre, block.angles, self.covariance)
-
-
-def moved(tables: Mapping[str, pd.DataFrame], step: Array, n: int) -> dict[str, pd.DataFrame]:
-    """Orientations and points after a step; the axes of the map are those of the adjustment."""
-    orientations, points = tables["exterior_orientations"].copy(), tables["object_points"].copy()
-    change = step[: 6 * n].reshape(n, 6)
-    orientations[list(PLACE)] += change[:, :3]
-    orientations[list(ANGLES)] += np.degrees(change[:, 3:])
-    points[list(PLACE)] += step[6 * n :].reshape(-1, 3)
-    return {**tables, "exterior_orientations": orientations, "object_points": points}
