@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest, Story, carry_out
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.flows.adjustment_alone import adjustment_alone
@@ -92,6 +92,20 @@ def with_distances(folder: Path, count: int = 12, in_order: int = 12) -> None:
     project.write_text(project.read_text() + added)
 
 
+def simulated(folder: Path, preset: str, settings: Sequence[str], seed: int = 3) -> Path:
+    """The project file of a simulated flight."""
+    return simulate_project(load_simulation(preset, tuple(settings), seed), folder).project_file
+
+
+def computed(
+    project: Path, settings: Sequence[str] = (), story: Story = adjustment_alone, into: str = "results"
+) -> Results:
+    """The results of a story, in a folder next to the project file."""
+    found = carry_out(story, RunRequest(project, project.parent / into, tuple(settings)))
+    assert found.error is None, found.error
+    return Results(found.directory)
+
+
 @dataclass(frozen=True, eq=False)
 class Oracle:
     """A delivered block, its published results, and the dense solution at the adjusted values."""
@@ -110,12 +124,9 @@ class Oracle:
     @classmethod
     def of_case(cls, case: Case, folder: Path) -> Oracle:
         """Of a flight that is simulated in a folder, and adjusted there."""
-        simulation = load_simulation("uce-high", (*SMALL, *case.simulated), 3)
-        project = simulate_project(simulation, folder).project_file
+        project = simulated(folder, "uce-high", (*SMALL, *case.simulated))
         case.changed(project.parent)
-        found = carry_out(adjustment_alone, RunRequest(project, folder / "results", case.adjusted))
-        assert found.error is None, found.error
-        return cls.of(project, Results(found.directory))
+        return cls.of(project, computed(project, case.adjusted))
 
     @cached_property
     def keys(self) -> list[Key]:

@@ -8,22 +8,17 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from flows.runs.project_run import RunRequest, carry_out
-from tasks.settings.load_simulation import load_simulation
-from tasks.simulation.simulate import simulate_project
 from tests.command_line import aerocal
-from tests.flows.adjustment_alone import adjustment_alone
 from tests.flows.calibration_alone import calibration_alone
-from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, UNITS, Array, Results
+from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, UNITS, Array
 from tests.golden.delivered_rig import DeliveredRig, dependence
-from tests.golden.oracle import DELTA0, Oracle, same
+from tests.golden.oracle import DELTA0, Oracle, computed, same, simulated
 
 FLIGHT = (
     "points.count=60",
@@ -94,24 +89,19 @@ class Considered:
 def considered(tmp_path_factory: pytest.TempPathFactory) -> Considered:
     """The first flight calibrates the rig; the second one uses its calibration as it is approved."""
     folder = tmp_path_factory.mktemp("rigs")
-    first, second = (
-        simulate_project(load_simulation("penta", FLIGHT, seed), folder / str(seed)).project_file
-        for seed in (3, 4)
-    )
-    found = carry_out(calibration_alone, RunRequest(first, folder / "first", (FREE, DAY)))
-    assert found.error is None, found.error
+    first, second = (simulated(folder / str(seed), "penta", FLIGHT, seed) for seed in (3, 4))
+    found = computed(first, (FREE, DAY), calibration_alone)
     registry = folder / "registry.sqlite"
     at = ["--registry", str(registry), "--by", "A. Engineer"]
-    assert aerocal("registry", "add", found.directory, *at).returncode == 0
+    assert aerocal("registry", "add", found.folder, *at).returncode == 0
     although = ["--although", "a small flight", "--from", "2026-01-01"]
     assert aerocal("registry", "approve", "1", *at, *although).returncode == 0
     settings = (DAY, 'cameras.nadir.calibration="registry-rig"', "adjustment.free=[]")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("AEROCAL_REGISTRY", str(registry))
-        used = carry_out(adjustment_alone, RunRequest(second, folder / "second", settings))
-    assert used.error is None, used.error
-    record = json.loads((Path(found.directory) / "calibration.json").read_text())
-    return Considered(Oracle.of(second, Results(used.directory), DeliveredRig), record)
+        used = computed(second, settings)
+    record = json.loads((found.folder / "calibration.json").read_text())
+    return Considered(Oracle.of(second, used, DeliveredRig), record)
 
 
 def test_the_adjusted_values_are_at_the_minimum(considered: Considered) -> None:

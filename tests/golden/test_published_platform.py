@@ -16,18 +16,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.block_preparation import prepare_block
 from flows.stories.system_calibration import calibrated_block, described_platform, publish
 from tasks.results.publish import OF_CALIBRATIONS
 from tasks.results.summary import Summary
-from tasks.settings.load_simulation import load_simulation
 from tasks.settings.project import Project
-from tasks.simulation.simulate import simulate_project
 from tasks.store.store import Store
 from tests.golden.delivered_block import STEP, Array, Results, angles_of, mounting, named, opk, rpy
 from tests.golden.delivered_rig import BODY, small_exp
-from tests.golden.oracle import same
+from tests.golden.oracle import computed, same, simulated
 
 FLIGHT = ("flight.lines=2", "flight.exposures=4", "points.count=200")
 ANGLES = ("omega", "phi", "kappa")
@@ -171,11 +168,8 @@ def small(turn: Array, given: Array) -> Array:
 
 @pytest.fixture(scope="module")
 def platform(tmp_path_factory: pytest.TempPathFactory) -> Platform:
-    folder = tmp_path_factory.mktemp("platform")
-    project = simulate_project(load_simulation("dmc-heads", FLIGHT, 1), folder).project_file
-    found = carry_out(platform_alone, RunRequest(project, folder / "results"))
-    assert found.error is None, found.error
-    return Platform(project, Results(found.directory))
+    project = simulated(tmp_path_factory.mktemp("platform"), "dmc-heads", FLIGHT)
+    return Platform(project, computed(project, story=platform_alone))
 
 
 def test_heads(platform: Platform) -> None:

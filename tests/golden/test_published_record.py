@@ -11,12 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunRequest, carry_out
-from tasks.settings.load_simulation import load_simulation
-from tasks.simulation.simulate import simulate_project
 from tests.flows.calibration_alone import calibration_alone
-from tests.golden.delivered_block import UNITS, Results
-from tests.golden.oracle import SMALL, Oracle, same
+from tests.golden.delivered_block import UNITS
+from tests.golden.oracle import SMALL, Oracle, computed, same, simulated
 from tests.golden.test_published_statistics import Alternatives
 
 FLIGHT = (
@@ -35,12 +32,8 @@ HELD = {
 
 @pytest.fixture(scope="module")
 def oracle(tmp_path_factory: pytest.TempPathFactory) -> Oracle:
-    folder = tmp_path_factory.mktemp("record")
-    project = simulate_project(load_simulation("uce-high", FLIGHT, 3), folder).project_file
-    settings = ("calibration.two_step=false",)
-    found = carry_out(calibration_alone, RunRequest(project, folder / "results", settings))
-    assert found.error is None, found.error
-    return Oracle.of(project, Results(found.directory))
+    project = simulated(tmp_path_factory.mktemp("record"), "uce-high", FLIGHT)
+    return Oracle.of(project, computed(project, ("calibration.two_step=false",), calibration_alone))
 
 
 def test_covariance_of_the_record(oracle: Oracle) -> None:

@@ -12,14 +12,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunRequest, carry_out
-from tasks.settings.load_simulation import load_simulation
-from tasks.simulation.simulate import simulate_project
-from tests.flows.adjustment_alone import adjustment_alone
 from tests.golden import test_published_statistics as statistics
-from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, Array, Results
+from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, Array
 from tests.golden.delivered_rig import DeliveredRig, dependence
-from tests.golden.oracle import Oracle, same
+from tests.golden.oracle import Oracle, computed, same, simulated
 
 FLIGHT = (
     "points.count=60",
@@ -49,11 +45,8 @@ CHECKS = (
 
 @pytest.fixture(scope="module")
 def oracle(tmp_path_factory: pytest.TempPathFactory) -> Oracle:
-    folder = tmp_path_factory.mktemp("rig")
-    project = simulate_project(load_simulation("penta", FLIGHT, 3), folder).project_file
-    found = carry_out(adjustment_alone, RunRequest(project, folder / "results"))
-    assert found.error is None, found.error
-    return Oracle.of(project, Results(found.directory), DeliveredRig)
+    project = simulated(tmp_path_factory.mktemp("rig"), "penta", FLIGHT)
+    return Oracle.of(project, computed(project), DeliveredRig)
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("test_"))

@@ -16,11 +16,7 @@ import pytest
 import scipy.linalg
 from scipy import stats
 
-from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.direct_georeferencing_check import direct_georeferencing_check
-from tasks.settings.load_simulation import load_simulation
-from tasks.simulation.simulate import simulate_project
-from tests.flows.adjustment_alone import adjustment_alone
 from tests.golden.delivered_block import (
     ANGLES,
     DEGREE,
@@ -37,6 +33,7 @@ from tests.golden.delivered_block import (
     rpy,
     turned,
 )
+from tests.golden.oracle import computed, simulated
 
 FLIGHT = (
     "points.count=30",
@@ -210,16 +207,12 @@ class Check:
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("flight")
-    return simulate_project(load_simulation("uce-high", FLIGHT, 2), folder).project_file
+    return simulated(tmp_path_factory.mktemp("flight"), "uce-high", FLIGHT, 2)
 
 
 def checked(project: Path, calibration: str) -> Results:
-    out = project.parent / f"with_{Path(calibration).name}"
     setting = f"direct_georeferencing.calibration={calibration}"
-    found = carry_out(direct_georeferencing_check, RunRequest(project, out, (setting,)))
-    assert found.error is None, found.error
-    return Results(out)
+    return computed(project, (setting,), direct_georeferencing_check, f"with_{Path(calibration).name}")
 
 
 def assert_as_computed(check: Check, parts: Mapping[str, Array]) -> None:
@@ -267,11 +260,9 @@ def assert_as_computed(check: Check, parts: Mapping[str, Array]) -> None:
 
 @pytest.fixture(scope="module")
 def check_of_another(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Check:
-    folder = tmp_path_factory.mktemp("calibration")
-    project = simulate_project(load_simulation("uce-high", FLIGHT, 1), folder).project_file
-    adjusted = carry_out(adjustment_alone, RunRequest(project, folder / "calibration"))
-    assert adjusted.error is None, adjusted.error
-    return Check(flight, checked(flight, str(adjusted.directory)), Results(adjusted.directory))
+    project = simulated(tmp_path_factory.mktemp("calibration"), "uce-high", FLIGHT, 1)
+    adjusted = computed(project, into="calibration")
+    return Check(flight, checked(flight, str(adjusted.folder)), adjusted)
 
 
 def test_with_the_calibration_of_another_flight(check_of_another: Check) -> None:

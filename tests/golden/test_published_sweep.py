@@ -11,14 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flows.runs.project_run import RunRequest, carry_out
+from flows.runs.project_run import RunRequest
 from flows.stories.scenario_sweep import sweep_of
-from tasks.settings.load_simulation import load_simulation
-from tasks.simulation.simulate import simulate_project
-from tests.flows.adjustment_alone import adjustment_alone
 from tests.golden.delivered_block import Results, Solved
 from tests.golden.dense_adjustment import at_minimum
-from tests.golden.oracle import SMALL, same
+from tests.golden.oracle import SMALL, computed, same, simulated
 
 POINTS = ("C001", "C005", "C011", "C016", "C020")
 FREE = ("boresight", "gnss_shift", "focal_length")
@@ -69,14 +66,9 @@ class Swept:
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Swept:
-    folder = tmp_path_factory.mktemp("sweep")
-    project = simulate_project(load_simulation("uce-high", SMALL, 3), folder).project_file
-    adjusted = carry_out(adjustment_alone, RunRequest(project, folder / "results"))
-    assert adjusted.error is None, adjusted.error
-    request = RunRequest(project, folder / "sweep", SWEEP)
-    found = carry_out(sweep_of(request), request)
-    assert found.error is None, found.error
-    return Swept(project, Results(adjusted.directory), Results(found.directory).table("sweep"))
+    project = simulated(tmp_path_factory.mktemp("sweep"), "uce-high", SMALL)
+    story = sweep_of(RunRequest(project, project.parent / "sweep", SWEEP))
+    return Swept(project, computed(project), computed(project, SWEEP, story, "sweep").table("sweep"))
 
 
 SCENARIOS = list(product(("all", "three"), ("delivered", "five"), ("held", "free")))
