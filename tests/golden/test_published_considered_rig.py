@@ -18,7 +18,7 @@ from tests.command_line import aerocal
 from tests.flows.calibration_alone import calibration_alone
 from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, UNITS, Array
 from tests.golden.delivered_rig import DeliveredRig, dependence
-from tests.golden.oracle import DELTA0, Oracle, computed, same, simulated
+from tests.golden.oracle import DELTA0, Oracle, computed, exactly, simulated
 
 FLIGHT = (
     "points.count=60",
@@ -108,29 +108,29 @@ def test_the_adjusted_values_are_at_the_minimum(considered: Considered) -> None:
     d = considered.oracle.dense
     b = -d.a.T @ d.p @ d.v
     assert np.sqrt(b @ d.q @ b) < 1e-4
-    same(considered.oracle.results.summary["sigma0"], d.sigma0, "σ0")
+    exactly(considered.oracle.results.summary["sigma0"], d.sigma0, "σ0")
     table = considered.oracle.results.table("parameters").set_index(["parameter", "entity"])
     own = table.loc[considered.names]
     assert len(own) > 20
     assert (own["status"] == "considered").all()
     unit = own["unit"].map(lambda name: UNITS.get(name, 1.0)).to_numpy()
-    same(own["sigma"] * unit, np.sqrt(np.diagonal(considered.covariance)), "σ of considered parameters")
+    exactly(own["sigma"] * unit, np.sqrt(np.diagonal(considered.covariance)), "σ of considered parameters")
 
 
 def test_residuals(considered: Considered) -> None:
     oracle, d = considered.oracle, considered.oracle.dense
     table = oracle.residuals
     unit = table["unit"].map(lambda name: UNITS.get(name, 1.0)).to_numpy()
-    same(table["redundancy"], oracle.redundancy, "r", of=1.0)
+    exactly(table["redundancy"], oracle.redundancy, "r", of=1.0)
     told = oracle.redundancy > 1e-4
     held = np.diagonal(oracle.scatter)
     of_error = np.sqrt(held + np.diagonal(considered.residual_errors))
-    same(table["standardized"][told], (d.p @ d.v / of_error)[told], "w", of=1.0, tolerance=1e-6)
+    exactly(table["standardized"][told], (d.p @ d.v / of_error)[told], "w", of=1.0, tolerance=1e-6)
     # An error moves (P v)_i as with the parameters held, and is to exceed what both scatter it by.
     detectable = DELTA0 * of_error / held
-    same((table["mdb"] * unit)[told], detectable[told], "∇₀")
+    exactly((table["mdb"] * unit)[told], detectable[told], "∇₀")
     external = detectable * np.sqrt(np.maximum(np.diagonal(oracle.fitted), 0.0))
-    same(table["external"][told], external[told], "δ̄")
+    exactly(table["external"][told], external[told], "δ̄")
     larger = np.diagonal(considered.residual_errors) / held
     assert larger[told].max() > 0.05  # it matters
 
@@ -145,9 +145,9 @@ def test_orientations_and_points(considered: Considered) -> None:
     j = dependence(block, oracle.dense.x0, images, columns)
     sigma = np.sqrt(np.einsum("ij,jk,ik->i", j, considered.joint, j)).reshape(-1, 6)
     sigma /= [1.0, 1.0, 1.0, DEGREE, DEGREE, DEGREE]
-    same(images[[f"sigma_{name}" for name in (*PLACE, *ANGLES)]], sigma, "σ of orientations")
+    exactly(images[[f"sigma_{name}" for name in (*PLACE, *ANGLES)]], sigma, "σ of orientations")
     own = np.sqrt(np.diagonal(considered.joint))[oracle.first_point : oracle.border].reshape(-1, 3)
-    same(points[["sigma_x_m", "sigma_y_m", "sigma_z_m"]], own, "σ of points")
+    exactly(points[["sigma_x_m", "sigma_y_m", "sigma_z_m"]], own, "σ of points")
     alone = oracle.factor * oracle.spread[oracle.first_point : oracle.border].reshape(-1, 3)
     assert (own / alone).max() > 1.05  # it matters
 
@@ -158,13 +158,13 @@ def test_check_points(considered: Considered) -> None:
     at = oracle.first_point + 3 * np.array([oracle.block.point_number[name] for name in table["point"]])
     variance = np.diagonal(considered.joint)[at[:, None] + np.arange(3)]
     survey = oracle.block.survey_sigma.loc[table["point"]].to_numpy() ** 2
-    same(table[["sigma_dx_m", "sigma_dy_m", "sigma_dz_m"]], np.sqrt(variance + survey), "σ of differences")
+    exactly(table[["sigma_dx_m", "sigma_dy_m", "sigma_dz_m"]], np.sqrt(variance + survey), "σ of differences")
     for k in range(3):
         rows = at + k
         own = considered.joint[np.ix_(rows, rows)] + np.diag(survey[:, k])
         test = oracle.results.summary["check_point_test"]
-        same(test["predicted_rmse_m"][k], np.sqrt(np.trace(own) / len(rows)), "predicted RMS")
-        same(test["predicted_mean_sigma_m"][k], np.sqrt(own.sum()) / len(rows), "σ of the mean")
+        exactly(test["predicted_rmse_m"][k], np.sqrt(np.trace(own) / len(rows)), "predicted RMS")
+        exactly(test["predicted_mean_sigma_m"][k], np.sqrt(own.sum()) / len(rows), "σ of the mean")
 
 
 def test_whether_the_block_contradicts_the_calibration(considered: Considered) -> None:
@@ -176,4 +176,4 @@ def test_whether_the_block_contradicts_the_calibration(considered: Considered) -
     expected, freedom = float(pull @ np.linalg.solve(spread, pull)), len(pull)
     (found,) = oracle.results.summary["registered_calibrations"]
     assert (found["use"], found["parameters"], found["freedom"]) == ("consider", freedom, freedom)
-    same([found["statistic"], found["probability"]], [expected, stats.chi2.sf(expected, freedom)], "T")
+    exactly([found["statistic"], found["probability"]], [expected, stats.chi2.sf(expected, freedom)], "T")

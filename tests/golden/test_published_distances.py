@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from tests.golden.oracle import Case, Oracle, same, with_distances
+from tests.golden.oracle import Case, Oracle, exactly, with_distances
 
 
 def with_an_error(folder: Path) -> None:
@@ -47,17 +47,17 @@ def test_distances(oracle: Oracle) -> None:
     q = oracle.factor**2 * np.einsum("ij,jk,ik->i", d.all_a[rows], d.q, d.all_a[rows])
     used = d.used[rows]
     sigma = np.sqrt(np.where(used, oracle.factor**2 * d.sigma[rows] ** 2 - q, d.sigma[rows] ** 2 + q))
-    same(table["distance_m"], given["distance"].loc[ends], "distance", tolerance=1e-12)
-    same(table["difference_m"], d.all_v[rows], "difference", of=sigma, tolerance=1e-6)
-    same(table["sigma_difference_m"], sigma, "σ of a difference", tolerance=1e-7)
+    exactly(table["distance_m"], given["distance"].loc[ends], "distance", tolerance=1e-12)
+    exactly(table["difference_m"], d.all_v[rows], "difference", of=sigma, tolerance=1e-6)
+    exactly(table["sigma_difference_m"], sigma, "σ of a difference", tolerance=1e-7)
     check = (given["role"].loc[ends] == "check").to_numpy()
     np.testing.assert_array_equal(
         table["status"], np.where(used, "used", np.where(check, "check", "rejected"))
     )
     every = oracle.results.table("residuals").set_index(["group", "point"])
     every = every.loc[[(f"distances:{other}", point) for point, other in ends]]
-    same(every["residual"], d.all_v[rows], "v", of=sigma, tolerance=1e-6)
-    same(every["sigma"], d.sigma[rows], "σ", tolerance=1e-9)
+    exactly(every["residual"], d.all_v[rows], "v", of=sigma, tolerance=1e-6)
+    exactly(every["sigma"], d.sigma[rows], "σ", tolerance=1e-9)
 
 
 def test_figures(oracle: Oracle) -> None:
@@ -77,4 +77,4 @@ def test_figures(oracle: Oracle) -> None:
     }
     assert set(figure) == set(expected)
     for name, value in expected.items():
-        same(figure[name], value, name, tolerance=1e-12)
+        exactly(figure[name], value, name, tolerance=1e-12)

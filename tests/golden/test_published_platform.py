@@ -24,7 +24,7 @@ from tasks.settings.project import Project
 from tasks.store.store import Store
 from tests.golden.delivered_block import STEP, Array, Results, angles_of, mounting, named, opk, rpy
 from tests.golden.delivered_rig import BODY, small_exp
-from tests.golden.oracle import computed, same, simulated
+from tests.golden.oracle import computed, exactly, simulated
 
 FLIGHT = ("flight.lines=2", "flight.exposures=4", "points.count=200")
 ANGLES = ("omega", "phi", "kappa")
@@ -176,10 +176,10 @@ def test_heads(platform: Platform) -> None:
     table = platform.results.table("platform").set_index("head").loc[platform.names]
     turn, h = platform.adjusted.turn, len(platform.names)
     for name, angles in (("", angles_of(turn)), ("given_", angles_of(platform.given.turn))):
-        same(
+        exactly(
             table[[f"{name}{a}_deg" for a in ANGLES]], np.degrees(angles), "attitudes", of=1.0, tolerance=1e-9
         )
-    same(table[["x_m", "y_m", "z_m"]], platform.adjusted.position, "positions", of=1.0, tolerance=1e-12)
+    exactly(table[["x_m", "y_m", "z_m"]], platform.adjusted.position, "positions", of=1.0, tolerance=1e-12)
     gain = np.zeros((3 * h, 3 * h))
     for n, angles in enumerate(angles_of(turn)):
         columns = []
@@ -191,17 +191,17 @@ def test_heads(platform: Platform) -> None:
         gain[3 * n : 3 * n + 3, 3 * n : 3 * n + 3] = np.linalg.inv(np.array(columns).T)
     covariance = gain @ platform.covariance @ gain.T
     sigma = np.sqrt(np.diagonal(covariance))
-    same(table[[f"sigma_{a}_deg" for a in ANGLES]], np.degrees(sigma).reshape(h, 3), "σ", tolerance=1e-7)
+    exactly(table[[f"sigma_{a}_deg" for a in ANGLES]], np.degrees(sigma).reshape(h, 3), "σ", tolerance=1e-7)
     correlation = np.abs(covariance / np.outer(sigma, sigma))
     mu = small(turn, platform.given.turn)
     for n, name in enumerate(platform.names):
         own = slice(3 * n, 3 * n + 3)
         chi2 = mu[n] @ np.linalg.solve(platform.covariance[own, own], mu[n])
-        same(table.loc[name, "probability"], stats.chi2.sf(chi2, 3), "probability", tolerance=1e-6)
+        exactly(table.loc[name, "probability"], stats.chi2.sf(chi2, 3), "probability", tolerance=1e-6)
         others = {m: correlation[own, 3 * m : 3 * m + 3].max() for m in range(h) if m != n}
         strongest = max(others, key=lambda m: others[m])
         assert table.loc[name, "correlated_with"] == platform.names[strongest]
-        same(table.loc[name, "correlation"], others[strongest], "correlation", tolerance=1e-7)
+        exactly(table.loc[name, "correlation"], others[strongest], "correlation", tolerance=1e-7)
 
 
 def test_virtual_image(platform: Platform) -> None:
@@ -244,7 +244,7 @@ def test_virtual_image(platform: Platform) -> None:
         known = np.isfinite(values)
         np.testing.assert_array_equal(table[name].notna(), known, err_msg=name)
         of = np.maximum(np.abs(values[known]), 1.0)
-        same(table.loc[known, name], values[known], name, of=of, tolerance=1e-7)
+        exactly(table.loc[known, name], values[known], name, of=of, tolerance=1e-7)
 
 
 def of_rotation(heads: Heads, head: int, xy: Array, z: float, h: int) -> Array:

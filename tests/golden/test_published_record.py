@@ -13,7 +13,7 @@ import pytest
 
 from tests.flows.calibration_alone import calibration_alone
 from tests.golden.delivered_block import UNITS
-from tests.golden.oracle import SMALL, Oracle, computed, same, simulated
+from tests.golden.oracle import SMALL, Oracle, computed, exactly, simulated
 from tests.golden.test_published_statistics import Alternatives
 
 FLIGHT = (
@@ -56,16 +56,18 @@ def test_covariance_of_the_record(oracle: Oracle) -> None:
         covariance += np.outer(moved, moved)
         shares[row["quantity"], row["entity"]] = moved
     sigma = np.sqrt(np.diagonal(covariance))
-    same([item["sigma"] for item in estimated], sigma / unit, "certified σ")
+    exactly([item["sigma"] for item in estimated], sigma / unit, "certified σ")
     of_sigma = np.outer(sigma / unit, sigma / unit)
-    same(record["covariance"], covariance / np.outer(unit, unit), "covariance", of=of_sigma)
+    exactly(record["covariance"], covariance / np.outer(unit, unit), "covariance", of=of_sigma)
     held = pd.DataFrame(record["held"]).fillna({"entity": ""}).set_index(["quantity", "entity"])
     assert set(held.index) == set(shares)
     for name, moved in shares.items():
         part = np.abs(moved) / sigma
         most = int(np.argmax(part))
         assert (held.loc[name, "moves"], held.loc[name, "moves_entity"]) == names[most]
-        same([held.loc[name, "part"], held.loc[name, "sigma"]], [part[most], HELD[name[0]]], "part of held")
+        exactly(
+            [held.loc[name, "part"], held.loc[name, "sigma"]], [part[most], HELD[name[0]]], "part of held"
+        )
     # What is held is a part of it.
     alone = oracle.factor * oracle.spread[columns]
     assert (sigma / alone).max() > 1.2

@@ -15,7 +15,7 @@ import pytest
 from tests.golden import test_published_statistics as statistics
 from tests.golden.delivered_block import ANGLES, DEGREE, PLACE, Array
 from tests.golden.delivered_rig import DeliveredRig, dependence
-from tests.golden.oracle import Oracle, computed, same, simulated
+from tests.golden.oracle import Oracle, computed, exactly, simulated
 
 FLIGHT = (
     "points.count=60",
@@ -72,12 +72,12 @@ def covariance(oracle: Oracle, images: pd.DataFrame) -> Array:
 def test_orientations_of_heads(images: pd.DataFrame, covariance: Array) -> None:
     n = len(images)
     sigma = np.sqrt(np.diagonal(covariance)).reshape(n, 6)
-    same(images[[f"sigma_{name}" for name in ELEMENTS]], sigma, "σ of orientations")
+    exactly(images[[f"sigma_{name}" for name in ELEMENTS]], sigma, "σ of orientations")
     every = 6 * np.arange(n)
     for i, j in combinations(range(6), 2):
         a, b = ELEMENTS[i].split("_")[0], ELEMENTS[j].split("_")[0]
         expected = covariance[every + i, every + j] / (sigma[:, i] * sigma[:, j])
-        same(images[f"correlation_{a}_{b}"], expected, "correlation", of=np.ones(n))
+        exactly(images[f"correlation_{a}_{b}"], expected, "correlation", of=np.ones(n))
 
 
 def test_neighbouring_images(oracle: Oracle, images: pd.DataFrame, covariance: Array) -> None:
@@ -88,6 +88,6 @@ def test_neighbouring_images(oracle: Oracle, images: pd.DataFrame, covariance: A
     for k, name in enumerate(ELEMENTS):
         i, j = (pairs[c].map(place).to_numpy() * 6 + k for c in ("image", "next_image"))
         axis, unit = name.split("_")
-        same(pairs[f"rho_{axis}"], covariance[i, j] / (sigma[i] * sigma[j]), "ρ", of=np.ones(len(i)))
+        exactly(pairs[f"rho_{axis}"], covariance[i, j] / (sigma[i] * sigma[j]), "ρ", of=np.ones(len(i)))
         variance = covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j]
-        same(pairs[f"sigma_d{axis}_{unit}"], np.sqrt(variance), "σ of a difference")
+        exactly(pairs[f"sigma_d{axis}_{unit}"], np.sqrt(variance), "σ of a difference")

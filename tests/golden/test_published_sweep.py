@@ -15,7 +15,7 @@ from flows.runs.project_run import RunRequest
 from flows.stories.scenario_sweep import sweep_of
 from tests.golden.delivered_block import Results, Solved
 from tests.golden.dense_adjustment import at_minimum
-from tests.golden.oracle import SMALL, computed, same, simulated
+from tests.golden.oracle import SMALL, computed, exactly, simulated
 
 POINTS = ("C001", "C005", "C011", "C016", "C020")
 FREE = ("boresight", "gnss_shift", "focal_length")
@@ -112,7 +112,7 @@ def test_scenarios(swept: Swept, scenario: tuple[str, str, str]) -> None:
     expected["gsd_m"] = np.median(block.centre[:, 2] - ground) * 5.2e-6 / 0.080
     for name, value in expected.items():
         # Of the ground sampling distance by approximate values.
-        same(row[name], value, name, tolerance=1e-3 if name == "gsd_m" else 1e-6)
+        exactly(row[name], value, name, tolerance=1e-3 if name == "gsd_m" else 1e-6)
     assert row["status"] == "done"
 
 
@@ -121,4 +121,6 @@ def test_mean_residuals_are_those_of_the_adjustment(swept: Swept) -> None:
     (figure,) = swept.first.summary["residual_grid"]["cameras"]
     row = swept.table.set_index(["block", "control", "variant"]).loc["all", "delivered", "held"]
     assert (row["cells"], row["cells_significant"]) == (figure["known"], figure["significant"])
-    same(row[["systematic_x_um", "systematic_y_um"]], figure["signal_um"], "systematic part", tolerance=1e-9)
+    exactly(
+        row[["systematic_x_um", "systematic_y_um"]], figure["signal_um"], "systematic part", tolerance=1e-9
+    )
