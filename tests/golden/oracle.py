@@ -92,6 +92,12 @@ def with_distances(folder: Path, count: int = 12, in_order: int = 12) -> None:
     project.write_text(project.read_text() + added)
 
 
+def with_own_sigmas_and_distances(folder: Path) -> None:
+    """Both."""
+    with_own_sigmas(folder)
+    with_distances(folder)
+
+
 def simulated(folder: Path, preset: str, settings: Sequence[str], seed: int = 3) -> Path:
     """The project file of a simulated flight."""
     return simulate_project(load_simulation(preset, tuple(settings), seed), folder).project_file

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -35,25 +34,10 @@ from tests.golden.delivered_block import (
 )
 from tests.golden.delivered_refraction import coefficient
 from tests.golden.likelihood import Likelihood
-from tests.golden.oracle import (
-    CORRELATED,
-    DELTA0,
-    Case,
-    Oracle,
-    nothing,
-    same,
-    with_distances,
-    with_own_sigmas,
-)
+from tests.golden.oracle import CORRELATED, DELTA0, Case, Oracle, nothing, same, with_own_sigmas_and_distances
 
 ELEMENTS = (*PLACE, *ANGLES)
 OF_ELEMENTS = np.array([1.0, 1.0, 1.0, DEGREE, DEGREE, DEGREE])
-
-
-def with_own_sigmas_and_distances(folder: Path) -> None:
-    """Both."""
-    with_own_sigmas(folder)
-    with_distances(folder)
 
 
 CASES = {

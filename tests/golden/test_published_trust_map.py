@@ -18,11 +18,19 @@ import pytest
 
 from tests.golden.delivered_block import PLACE, Array
 from tests.golden.delivered_ground import Ground, heights_over_triangles
-from tests.golden.oracle import DELTA0, Case, Oracle, nothing, same, with_distances, with_own_sigmas
+from tests.golden.oracle import (
+    DELTA0,
+    Case,
+    Oracle,
+    nothing,
+    same,
+    with_distances,
+    with_own_sigmas_and_distances,
+)
 
 XYZ = ("x", "y", "z")
 CASES = {
-    "a map, a σ of its own for every coordinate": Case(
+    "a map, distances, a σ of its own for every coordinate": Case(
         (
             "project.crs=EPSG:25832",
             "project.latitude_deg=48.9",
@@ -30,7 +38,7 @@ CASES = {
             "project.angles=omega-phi-kappa",
             "truth.strip_bias_m=[0.03,0.03,0.05]",
         ),
-        with_own_sigmas,
+        with_own_sigmas_and_distances,
         ("trust_map={cell_m=500}",),
     ),
     "correlation in time, calibrated distortion": Case(
@@ -211,6 +219,8 @@ def test_errors_in_the_block(trust_map: Map) -> None:
     rays = np.array([key[0] == "image_points" for key in oracle.keys])
     distances = np.array([key[0].startswith("distances:") for key in oracle.keys])
     block = np.abs(trust_map.effects[:, :, ~rays & ~distances]).max(axis=2)
+    if distances.any():  # which are not counted, although some would be the largest
+        assert (np.abs(trust_map.effects[:, :, distances]).max(axis=2) > block).any()
     image = np.array([oracle.block.image_number[key[1]] for key in oracle.keys if key[0] == "image_points"])
     effects, of_rays = np.abs(trust_map.effects[:, :, rays]), np.zeros_like(block)
     for cell, images in enumerate(trust_map.ground.images):
