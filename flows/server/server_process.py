@@ -124,17 +124,26 @@ def server_environment(
         "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(history_days * _DAY_S),
     }
     if database is not None:
-        settings["PREFECT_SERVER_DATABASE_CONNECTION_URL"] = _connection(database)
+        settings |= _connection(database)
     # A server that is told of another one would report to it.
     kept = {name: value for name, value in environment.items() if name != "PREFECT_API_URL"}
     return {**kept, **settings}
 
 
-def _connection(database: str) -> str:
-    found = re.match(r"(?:postgresql|postgres)(?:\+asyncpg)?://(.+)", database)
+def _connection(database: str) -> dict[str, str]:
+    found = re.match(r"(?:postgresql|postgres)(?:\+asyncpg)?://([^?]+)(?:\?sslmode=([a-z-]+))?", database)
     if found is None:
         raise InstallationError(
             "The address of the database is not valid.",
             "Write postgresql://USER@HOST/DATABASE with the password in PGPASSWORD, or omit --database.",
         )
-    return f"postgresql+asyncpg://{found.group(1)}"
+    address, mode = found.groups()
+    if mode == "verify-full":
+        # By itself asyncpg wants a file of certificates in the home folder; we trust those of the system.
+        encrypted, verified = "", {"PREFECT_SERVER_DATABASE_SQLALCHEMY_CONNECT_ARGS_TLS_ENABLED": "true"}
+    else:
+        encrypted, verified = "" if mode is None else f"?ssl={mode}", {}
+    return {
+        "PREFECT_SERVER_DATABASE_CONNECTION_URL": f"postgresql+asyncpg://{address}{encrypted}",
+        **verified,
+    }

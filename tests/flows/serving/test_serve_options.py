@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import socket
 import subprocess
@@ -9,7 +10,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import asyncpg
 import pytest
+from sqlalchemy.engine import make_url
 
 from flows.server.door import door_of
 from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress, server_environment
@@ -200,6 +203,21 @@ def test_the_database_is_postgresql_or_ours() -> None:
     with pytest.raises(InstallationError) as refused:
         server_environment(LOCAL, "mysql://me:hushed@host/db", DOOR, {})
     assert "hushed" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("mode", "ssl", "tls"),
+    [("disable", "disable", None), ("require", "require", None), ("verify-full", None, "true")],
+)
+def test_the_connection_of_the_server_is_encrypted_as_the_address_says(
+    mode: str, ssl: str | None, tls: str | None
+) -> None:
+    made = server_environment(LOCAL, f"postgresql://me@host/db?sslmode={mode}", DOOR, {})
+    url = make_url(made["PREFECT_SERVER_DATABASE_CONNECTION_URL"])
+    _, given = url.get_dialect()().create_connect_args(url)
+    assert set(given) <= set(inspect.signature(asyncpg.connect).parameters)
+    assert given.get("ssl") == ssl
+    assert made.get("PREFECT_SERVER_DATABASE_SQLALCHEMY_CONNECT_ARGS_TLS_ENABLED") == tls
 
 
 def test_a_port_that_is_taken_is_one_line_and_nothing_is_left(tmp_path: Path) -> None:
