@@ -23,6 +23,7 @@ from zoneinfo import ZoneInfo
 
 from flows.server.api import Api
 from flows.server.child import Child, Lifeline, Requests, Say, Supervised, requests_to_end
+from flows.server.database_claim import only_server_of
 from flows.server.inbox import MANUAL
 from flows.server.inbox_claim import claimed
 from flows.server.prefect_settings import prepare_prefect, require_server, server_address
@@ -74,8 +75,8 @@ def serve(settings: Settings, say: Say) -> int:
     Raises
     ------
     InstallationError
-        If a port is taken, another server of this user runs, one has this inbox, the path for temporary files
-        is too long, or a child does not start, or ends again and again.
+        If a port is taken, another server of this user runs, one has this database or inbox, the path for
+        temporary files is too long, or a child does not start, or ends again and again.
     """
     settings.address.require_free()
     settings.overview.require_free("--overview-port")
@@ -88,7 +89,12 @@ def serve(settings: Settings, say: Say) -> int:
     courier = Courier(Outbox(records), addresses, settings.notify_on, links, say)
     trouble = "Notices cannot be delivered at the moment"
     notices = Repeated(courier.deliver, _NOTICES_S, say, trouble, grace_s=20.0, once_more=True)
-    with requests_to_end() as requests, the_only_server(settings.state), claimed(settings.inbox):
+    with (
+        requests_to_end() as requests,
+        the_only_server(settings.state),
+        only_server_of(records),
+        claimed(settings.inbox),
+    ):
         return _Serving(settings, records, requests, say).carry_out(notices)
 
 

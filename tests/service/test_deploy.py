@@ -124,6 +124,13 @@ def test_the_commands_of_compose_start_a_server_that_is_well_and_keeps_its_recor
         check = services["server"]["healthcheck"]["test"][1:]
         check = [sys.executable, *(_with(part, {":4200/": f":{port}/"}) for part in check[1:])]
         assert subprocess.run(check, check=False).returncode == 0
+        others = [f"--port={free_port('127.0.0.1')}", f"--overview-port={free_port('127.0.0.1')}"]
+        again = [*program_of_ours, *others, "--state", str(tmp_path / "another")]
+        refused = subprocess.run(
+            again, env=variables, cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert refused.returncode == 1
+        assert "Another server uses the database" in refused.stderr
         replaced["http://server:4200"] = f"http://127.0.0.1:{port}"
         command = [_with(argument, replaced) for argument in services["runner"]["command"]]
         assert command[0] == "runner"
