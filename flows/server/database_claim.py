@@ -49,6 +49,8 @@ def only_server_of(records: Records) -> Iterator[None]:
             _hold(connection, records)
         yield
     finally:
+        # Not handed back first, which fails if the database was restarted since.
+        connection.invalidate()
         connection.close()
 
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from sqlalchemy import text
 
 from flows.server.database_claim import only_server_of
 from tasks.files.installation import InstallationError
@@ -45,6 +46,14 @@ def test_a_second_server_is_refused_until_the_first_has_ended(
 def test_errors_of_a_server_are_not_those_of_its_database(postgresql: PostgresqlServer) -> None:
     with pytest.raises(OSError, match=re.escape("its own")), only_server_of(Records.at(postgresql.url())):
         raise OSError("its own")
+
+
+@pytest.mark.service
+def test_a_database_that_is_restarted_in_between_ends_no_server(postgresql: PostgresqlServer) -> None:
+    records = Records.at(postgresql.url())
+    with only_server_of(records), records.engine.begin() as other:
+        ended = "SELECT pg_terminate_backend(pid) FROM pg_locks WHERE locktype = 'advisory' AND objsubid = 2"
+        assert other.execute(text(ended)).scalars().all() == [True]
 
 
 def test_a_file_is_held_by_its_state_folder(tmp_path: Path) -> None:
