@@ -71,6 +71,42 @@ def test_the_secret_of_compose_comes_from_the_file_that_its_command_names() -> N
     assert f"\n{secret['environment']}=" in (DEPLOY / "aerocal.env.example").read_text()
 
 
+def test_what_is_filled_in_takes_effect_everywhere() -> None:
+    """A variable of a service replaces the one of the same name in the file of settings."""
+    lines = (DEPLOY / "aerocal.env.example").read_text().splitlines()
+    filled_in = {line.split("=", 1)[0] for line in lines if line and line[0] != "#"}
+    (container,) = kubernetes("Deployment")["spec"]["template"]["spec"]["containers"]
+    assert not filled_in & {one["name"] for one in container.get("env", ())}
+    for service in (compose()["services"][name] for name in ("server", "runner")):
+        for name in filled_in & service.get("environment", {}).keys():
+            assert f"${{{name}-}}" in service["environment"][name]
+
+
+def test_every_folder_of_the_server_in_kubernetes_is_there_at_its_first_start() -> None:
+    pod = kubernetes("Deployment")["spec"]["template"]["spec"]
+    (container,) = pod["containers"]
+    there = {mount["mountPath"] for mount in container["volumeMounts"]}
+    for first in pod.get("initContainers", ()):
+        assert first["volumeMounts"] == [
+            one for one in container["volumeMounts"] if one in first["volumeMounts"]
+        ]
+        assert first["command"][:2] == ["mkdir", "-p"]
+        there |= set(first["command"][2:])
+    named = [one.split("=")[1] for one in container["args"] if one.startswith(("--root=", "--inbox="))]
+    assert len(named) == 2
+    assert set(named) <= there
+
+
+@pytest.mark.prefect
+def test_every_story_has_a_deployment_that_is_started_by_hand() -> None:
+    from flows.serving.deployed import STORIES
+
+    manual = {
+        one["entrypoint"].rpartition(".")[2] for one in prefect_deployments() if one["name"] == "manual"
+    }
+    assert manual == {story.fn.__name__ for story in STORIES}
+
+
 @pytest.mark.prefect
 def test_every_deployment_names_a_flow_of_ours() -> None:
     from prefect import Flow
