@@ -15,7 +15,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from sqlalchemy import Column, Connection, Row, Select, func, insert, inspect, select, update
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy.dialects import postgresql, sqlite
 
 from tasks.database.address import Holding, database_address
 from tasks.database.engine import Database, connected_for_reading, engine_at
@@ -323,13 +323,11 @@ def _known_or_inserted(connection: Connection, run: RunRecord) -> RunRecord | No
     known = _record_of(connection, run.id)
     if known is not None:
         return known
-    try:
-        with connection.begin_nested():
-            connection.execute(insert(RUNS).values(_values(run)))
-    except IntegrityError:
-        # Between the two, another process has recorded it: its scheduling and its beginning may meet.
-        return _record_of(connection, run.id)
-    return None
+    # Between the two, another process may record it: its scheduling and its beginning may meet. No savepoint,
+    # which SQLite has lost when a disk is full; what is said would be about that.
+    dialect = sqlite if connection.dialect.name == "sqlite" else postgresql
+    new = dialect.insert(RUNS).values(_values(run)).on_conflict_do_nothing()
+    return None if connection.execute(new).rowcount else _record_of(connection, run.id)
 
 
 def _values(run: RunRecord) -> dict[str, object]:

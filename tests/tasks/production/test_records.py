@@ -10,9 +10,10 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from sqlalchemy import text, update
+from sqlalchemy import event, text, update
 
 from tasks.errors import InputError
+from tasks.files.installation import InstallationError
 from tasks.production.outbox import Outbox
 from tasks.production.records import Records, configured_records
 from tasks.production.run_record import RECORDS_VARIABLE, RunRecord, StageTime, project_name
@@ -242,3 +243,12 @@ def test_the_environment_names_the_records(tmp_path: Path) -> None:
 )
 def test_a_project_is_called_by_its_folder(file: str, name: str) -> None:
     assert project_name(Path(file)) == name
+
+
+def test_a_full_disk_is_called_so(tmp_path: Path) -> None:
+    records = Records.at(str(tmp_path / "records.sqlite"))
+    records.prepare()
+    event.listen(records.engine, "connect", lambda file, _: file.execute("PRAGMA max_page_count = 1"))
+    with pytest.raises(InstallationError, match="There is no space left on the disk of"):
+        records.schedule(replace(RUN, message="long " * 10_000))
+    assert records.runs() == ()
