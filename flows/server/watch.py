@@ -17,8 +17,10 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -283,22 +285,40 @@ class Watch:
         self.inbox: Scheduled | None = None
         self._known: dict[Delivery, str | None] = {}
 
-    def look(self, is_over: Callable[[], bool] = lambda: False) -> None:
-        """Do what is due and report it; a failure is reported once.
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        """Watch while the context lasts: a large delivery takes minutes to read and must hold up no run."""
+        every = partial(Repeated, every_s=self.settings.watch_s, say=self.say, grace_s=5.0)
+        with ExitStack() as at_end:
+            if self.settings.inbox is not None:
+                at_end.enter_context(every(self.look_into_inbox, trouble="A check of the inbox failed"))
+            at_end.enter_context(every(self.look_after_runs, trouble="A check of the runs failed"))
+            yield
+
+    def look_after_runs(self, _is_over: Callable[[], bool] = lambda: False) -> None:
+        """Reconcile the records, start again what is due, and report it.
 
         Raises
         ------
         InputError, InstallationError
-            If server, records or inbox cannot be asked.
+            If server or records cannot be asked.
         """
         watch_heartbeats(self.api)
         for run in reconcile(self.api, self.records):
             self.say(f"Run of {run.project}: {run.state}. {run.message}")
         for run in begin_again(self.api, self.records):
             self.say(f"Run of {run.project} is restarted (restart {run.attempts - 1}).")
+
+    def look_into_inbox(self, is_over: Callable[[], bool] = lambda: False) -> None:
+        """Schedule complete deliveries and report it.
+
+        Raises
+        ------
+        InputError, InstallationError
+            If server, records or inbox cannot be asked.
+        """
         settings = self.settings
-        if settings.inbox is None:
-            return
+        assert settings.inbox is not None
         found = schedule_deliveries(
             self.api,
             self.records,

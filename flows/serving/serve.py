@@ -244,10 +244,8 @@ class _Serving:
 
     def _stay(self, server: Supervised, runner: Supervised, watch: Watch) -> int:
         """Supervise children and inbox until asked to end; then let the runner finish."""
-        trouble = "A check of inbox and runs failed"
-        looks = Repeated(watch.look, self.settings.watch_s, self.say, trouble, grace_s=5.0)
         try:
-            with looks:
+            with watch.watching():
                 _look_after([server, runner], self.requests)
         except InstallationError:
             runner.drain(self.requests)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -12,7 +13,11 @@ from typing import Any
 
 import pytest
 
+from flows.server import watch
 from flows.server.api import Api
+from flows.server.inbox import Scheduled
+from flows.server.roots import Roots
+from flows.server.settings import Settings
 from flows.server.watch import died_here, lives_here, reconcile
 from tasks.files.machine import machine
 from tasks.production.records import Records
@@ -79,3 +84,29 @@ def test_a_run_that_is_cancelled_before_it_notes_its_beginning_is_on_record(tmp_
     found = records.run("one")
     assert found is not None
     assert (found.state, found.project) == ("Cancelled", "block-7")
+
+
+def test_a_large_delivery_that_is_read_does_not_hold_up_the_watch_over_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks, read, over = threading.Semaphore(0), threading.Event(), threading.Event()
+
+    def reconciled(*_: object) -> tuple[RunRecord, ...]:
+        looks.release()
+        return ()
+
+    def hashed(*_: object, **__: object) -> Scheduled:
+        read.set()
+        over.wait(20)
+        return Scheduled((), (), (), ())
+
+    monkeypatch.setattr(watch, "watch_heartbeats", lambda *_: None)
+    monkeypatch.setattr(watch, "reconcile", reconciled)
+    monkeypatch.setattr(watch, "begin_again", lambda *_: ())
+    monkeypatch.setattr(watch, "schedule_deliveries", hashed)
+    settings = Settings(Roots((tmp_path,)), tmp_path, inbox=tmp_path, watch_s=0.01)
+    records = Records.at(str(tmp_path / "records.sqlite"))
+    with watch.Watch(settings, Api("http://127.0.0.1:1/api"), records, print).watching():
+        assert read.wait(10)
+        assert all(looks.acquire(timeout=5) for _ in range(5))
+        over.set()
