@@ -38,8 +38,8 @@ STILL_S = 5.0
 #: What is read of a listed file before it is asked whether the look is called off, bytes.
 _PIECE_BYTES = 4_000_000
 
-#: What macOS and Windows write into a folder that somebody looks at.
-_OF_VIEWERS = (".DS_Store", "Thumbs.db", "desktop.ini")
+#: Names of what programs and network shares write into a folder that somebody looks at or opens files of.
+_OF_VIEWERS = re.compile(r"\..*|~\$.*|Thumbs\.db|desktop\.ini", re.DOTALL)
 _LISTED = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
 
 
@@ -231,7 +231,7 @@ def _key(folder: Path, files: Mapping[Path, os.stat_result]) -> str:
     Another form of it would process all deliveries again.
     """
     told = [str(folder.resolve())]
-    delivered = ((file, status) for file, status in files.items() if file.name not in _OF_VIEWERS)
+    delivered = ((file, status) for file, status in files.items() if not _OF_VIEWERS.fullmatch(file.name))
     for file, status in sorted(delivered, key=lambda one: one[0]):
         told.append(f"{file.relative_to(folder)} {status.st_size} {status.st_mtime_ns}")
     return hashlib.sha256(json.dumps(told).encode()).hexdigest()

@@ -109,10 +109,10 @@ def test_the_key_changes_with_the_delivery_and_not_with_its_results(inbox: Path)
     (block / "results" / ".store").mkdir(parents=True)
     (block / "results" / "report.html").write_text("done")
     assert read(inbox).complete[0].key == first
-    # Somebody has looked into the folder.
-    (block / ".DS_Store").write_bytes(b"Bud1")
+    # Somebody has looked into the folder, and opened files.
     (block / "truth").mkdir(exist_ok=True)
-    (block / "truth" / "Thumbs.db").write_bytes(b"thumbs")
+    for name in (".DS_Store", "truth/Thumbs.db", ".~lock.control.csv#", "~$control.xlsx", ".nfs0000000001"):
+        (block / name).write_bytes(b"Bud1")
     assert read(inbox).complete[0].key == first
     with (block / "exposures.csv").open("a") as stream:
         stream.write("3,C,s,20,0,100,0,0,0\n")
