@@ -97,25 +97,30 @@ def manifest(folder: Path) -> str:
     return (folder / "inbox" / "first" / "results" / "manifest.json").read_text()
 
 
-def commands_of_the_page() -> list[str]:
-    """The lines of the page that back up the state folder."""
+def commands_of_the_page(folder: Path) -> tuple[list[str], list[str]]:
+    """The lines of the page that back up the state folder, and those that restore it, for ours."""
     page = (REPOSITORY / "docs" / "operations.md").read_text(encoding="utf-8")
-    found = re.findall(r"^(?:sqlite3|cp) .*/var/lib/aerocal.*$", page, re.MULTILINE)
-    assert [line.split()[0] for line in found] == ["sqlite3", "cp"]
-    return found
+    found = re.findall(r"^(?:sqlite3|install -d|rm -f|cp) .*/var/lib/aerocal.*$", page, re.MULTILINE)
+    ours = [
+        line.replace("/var/lib/aerocal", f"{folder}/state").replace("/backup", f"{folder}/backup")
+        for line in found
+    ]
+    assert [line.split()[0] for line in ours] == ["sqlite3", "sqlite3", "install", "rm", "cp", "cp"]
+    return ours[:2], ours[2:]
 
 
-def back_up(folder: Path, command: str) -> None:
-    here = command.replace("/var/lib/aerocal", f"{folder}/state").replace("/backup", f"{folder}/backup")
-    subprocess.run(here, shell=True, check=True)
+def carry_out(commands: list[str]) -> None:
+    for command in commands:
+        subprocess.run(command, shell=True, check=True)
 
 
 def restore(folder: Path) -> None:
-    """Another machine with the same paths: nothing but the backup of the state."""
+    """Another machine with the same paths: the backup of the state, and what an earlier server has left."""
     (folder / "state").rename(folder / "lost")
-    (folder / "state").mkdir(mode=0o700)
-    shutil.copyfile(folder / "backup" / "records.sqlite", folder / "state" / "records.sqlite")
-    shutil.copytree(folder / "backup" / "prefect", folder / "state" / "prefect")
+    (folder / "state" / "prefect").mkdir(parents=True)
+    (folder / "state").chmod(0o700)
+    shutil.copyfile(folder / "prefect.db-wal", folder / "state" / "prefect" / "prefect.db-wal")
+    carry_out(commands_of_the_page(folder)[1])
 
 
 def by_id(server: Served) -> dict[str, RunRecord]:
@@ -129,7 +134,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Start:
     write_block(folder / "made")
     write_stored_block(folder / "root" / "block", "results", "held", "later")
     (folder / "backup").mkdir()
-    records, prefect = commands_of_the_page()
+    back_up, _ = commands_of_the_page(folder)
     # Its notices have nobody who takes them.
     away = f"json://127.0.0.1:{free_port('127.0.0.1')}"
     with served(folder, first_start=True, AEROCAL_NOTIFY=away) as server:
@@ -137,7 +142,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Start:
         (first,) = delivered(server, 1)
         missed = server.start(MANUAL, {"project": "block", "settings": {"sigma0_limit": 0.71}})
         assert server.ended(missed)["state_name"] == "GateFailed"
-        back_up(folder, records)  # while it runs
+        carry_out(back_up[:1])  # while it runs
         groups = server.groups()
         held = server.start(MANUAL, {"project": "block", "output": "held"})
         with run_lock(folder / "root" / "block" / "held"):
@@ -149,7 +154,9 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Start:
                 server.process.wait(6)
         code = server.process.wait(120)
     left = [group for group in groups if alive(group)]
-    back_up(folder, prefect)
+    # sqlite3 clears away what the server has left.
+    shutil.copyfile(folder / "state" / "prefect" / "prefect.db-wal", folder / "prefect.db-wal")
+    carry_out(back_up[1:])
     runs = {"first": first, "missed": missed, "held": held, "later": later}
     notices = [notice.run for notice in Outbox(server.records).waiting()]
     return Start(
