@@ -13,6 +13,7 @@ from adjust.errors import InconsistentBlockError
 from adjust.geometry.earth import LocalFrame
 from adjust.geometry.rotation import are_rotations
 from adjust.parameters import (
+    BORESIGHT,
     FAMILIES,
     INTERIOR_ORIENTATION,
     ConsideredParameters,
@@ -220,10 +221,11 @@ class Block:
 
     def approximate_state(self) -> State:
         """The approximate values, and the given values of the system parameters."""
+        system = {parameters.family.name: parameters.values for parameters in self.system}
         return State(
             self.projection_centre,
             self.local_from_camera,
             self.object_point,
-            {parameters.family.name: parameters.values for parameters in self.system},
-            self.rig,
+            system,
+            None if self.rig is None else self.rig.moving_by(system[BORESIGHT]),
         )

@@ -37,6 +37,9 @@ INS_DRIFT = "ins_drift"
 TIME_OFFSET = "time_offset"
 ADDITIONAL_PARAMETERS = "additional_parameters"
 
+# What pictures may be off after the boresight has changed: far below any σ.
+_SAME_PLACE_M, _SAME_ROTATION = 1e-6, 1e-9
+
 EntityKind = Literal["camera", "flight", "strip"]
 #: Unknowns whose approximate values carry the datum of a free network.
 InnerConstraints: TypeAlias = Literal["object_points", "projection_centres", "both"]
@@ -269,7 +272,18 @@ class State:
         """The poses of the pictures."""
         if self.rig is None:
             return Pictures(self.projection_centre, self.local_from_camera, None)
-        return self.rig.pictures(self.projection_centre, self.local_from_camera, self.system)
+        return self.rig.pictures(
+            self.projection_centre, self.local_from_camera, self.system, self.system[BORESIGHT]
+        )
+
+    def with_own_motion(self) -> State:
+        """Pictures of late heads moved as with the boresight of this state; itself if that is the same."""
+        if self.rig is None or not np.any(self.system[SYNCHRONISATION_OFFSET]):
+            return self
+        found = replace(self, rig=self.rig.moving_by(self.system[BORESIGHT]))
+        moved = np.abs(found.pictures.projection_centre - self.pictures.projection_centre).max()
+        turned = np.abs(found.pictures.local_from_camera - self.pictures.local_from_camera).max()
+        return found if moved > _SAME_PLACE_M or turned > _SAME_ROTATION else self
 
 
 def _as_kernels_take_it(values: Floats) -> Floats:

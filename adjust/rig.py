@@ -9,8 +9,15 @@ with the nominal mountings T (body from camera) of the reference head r and of h
 ρ_h = roll, pitch, yaw and the relative position p_h in the axes forward, right, down in which the reference
 head is mounted nominally. A head that is exposed τ_h after the moment of the event has its pose as the body
 moved meanwhile: D = exp(ω τ_h), with its velocity v and its rates ω in the camera frame of the reference
-head. They are those along and about the axes of the body, so they know nothing of the datum. Derivatives J by
-(X0, δ_c) of a picture become those by its event and its head:
+head. Known are those along and about the axes of the body, v_b and ω_b: with R_e = R_b R_B(b) T_r,
+
+    v = S v_b,    ω = S ω_b,    S = (R_B(b) T_r)ᵀ,    so that R_e v = R_b v_b is the velocity in the local frame.
+
+They turn with the event, and know nothing of the datum. The boresight b in S is a given one while equations
+are solved, and that of the result when they are solved again: as an unknown it would be known from the
+direction of the flight, to a degree, and hide that nothing else determines it. What the observations would
+add to b is of the size (v τ_h σ_b / σ_X0)², next to nothing. Derivatives J by (X0, δ_c) of a picture become
+those by its event and its head:
 
     J_event = J · [[I, −R_e [v τ_h + D t_h]×], [0, M_hᵀ Dᵀ]],    J_τ = J · [R_e (v + D [ω]× t_h); M_hᵀ ω],
     J_(p, ρ) = J · [[R_e D T_rᵀ, 0], [0, M_hᵀ T_rᵀ E(ρ)]].
@@ -22,7 +29,7 @@ reference head is held at zero.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,10 +78,12 @@ class EventMotion:
     ----------
     velocity : (e, 3) metres per second.
     rate : (e, 3) radians per second; zero where not known.
+    boresight : (c, 3) b of S for each camera, radians; None: that of the state.
     """
 
     velocity: Floats
     rate: Floats
+    boresight: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +125,23 @@ class Rig:
         heads = np.bincount(self.reference[taken], minlength=len(self.reference))
         return np.asarray(taken & (heads[self.reference] > 1))
 
+    def moving_by(self, boresight: Floats) -> Rig:
+        """The same rig with this boresight (c, 3) in S; itself without motion."""
+        return self if self.motion is None else replace(self, motion=replace(self.motion, boresight=boresight))
+
     def pictures(
-        self, projection_centre: Floats, local_from_camera: Floats, system: Mapping[str, Floats]
+        self,
+        projection_centre: Floats,
+        local_from_camera: Floats,
+        system: Mapping[str, Floats],
+        boresight: Floats,
     ) -> Pictures:
-        """Poses of the pictures from those of the events, (e, 3) and (e, 3, 3), and the heads' parameters."""
+        """Poses of the pictures from those of the events, (e, 3) and (e, 3, 3), and the heads' parameters.
+
+        Parameters
+        ----------
+        boresight : (c, 3) of the state.
+        """
         heads, camera, event = self._heads(system), self.camera_of_image, self.event_of_image
         r_e = local_from_camera[event]
         position, turn, axes, of_rotation = (part[camera] for part in heads)
@@ -127,8 +149,12 @@ class Rig:
         later, of_turn, arm, of_offset = r_e, turned, position, np.zeros((len(event), 3, 2))
         if self.motion is not None:
             offset = system[SYNCHRONISATION_OFFSET][camera]
-            velocity = np.einsum("nij,nj->ni", axes, self.motion.velocity[event])
-            rate = np.einsum("nij,nj->ni", axes, self.motion.rate[event])
+            own = boresight if self.motion.boresight is None else self.motion.boresight
+            aligned = np.swapaxes(rotation.from_roll_pitch_yaw(own), 1, 2)[self.reference[camera]]
+            velocity, rate = (
+                np.einsum("nij,nj->ni", axes @ aligned, known[event])
+                for known in (self.motion.velocity, self.motion.rate)
+            )
             meanwhile = rotation.exp(rate * offset)
             later, of_turn = r_e @ meanwhile, turned @ np.swapaxes(meanwhile, 1, 2)
             arm = velocity * offset + np.einsum("nij,nj->ni", meanwhile, position)

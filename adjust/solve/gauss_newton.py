@@ -258,9 +258,13 @@ def _iterated(
             progress(history[-1])
         if step.largest_move < limit and damping == 0.0 and step.datum_settled:
             # Whether vPv falls or rises in so small a step is decided by rounding alone.
-            at_end = weighted_squares(system, step.moved)
+            end = step.moved.with_own_motion()
+            if end is not step.moved:
+                state, normals, before = end, reduced_normals(system, end), None
+                continue
+            at_end = weighted_squares(system, end)
             if np.isfinite(at_end):
-                return _End(step.moved, at_end, tuple(history), False, step)
+                return _End(end, at_end, tuple(history), False, step)
         before = step if damping == 0.0 and step.movements is None else None
         following = _try(system, step.moved, before)
         # The datum may go on moving where vPv is at its end.
@@ -305,8 +309,12 @@ def _as_a_whole(
             if progress is not None:
                 progress(history[-1])
             if short and damping == 0.0 and step.datum_settled:
-                at_end = weighted_squares(system, step.moved)
-                return _End(step.moved, at_end, tuple(history), False, step) if np.isfinite(at_end) else None
+                end = step.moved.with_own_motion()
+                if end is not step.moved:
+                    state, normals = end, reduced_normals(system, end)
+                    continue
+                at_end = weighted_squares(system, end)
+                return _End(end, at_end, tuple(history), False, step) if np.isfinite(at_end) else None
             block = WholeBlock.of(step)
             moved = block.placed(block.moved(step))
             following = _try(system, moved, None)

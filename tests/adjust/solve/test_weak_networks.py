@@ -121,9 +121,9 @@ def test_nothing_is_named_in_a_block_that_is_held() -> None:
     assert WholeBlock.of(step).weakest(state) == ""
 
 
-@pytest.mark.parametrize("heads", [1, 3])
-def test_image_points_do_not_notice_a_block_that_is_moved_as_a_whole(heads: int) -> None:
-    scene = two_strips(noise_seed=1, heads=heads)
+@pytest.mark.parametrize(("heads", "synchronised"), [(1, True), (3, True), (3, False)])
+def test_image_points_do_not_notice_a_block_that_is_moved_as_a_whole(heads: int, synchronised: bool) -> None:
+    scene = two_strips(noise_seed=1, heads=heads, synchronised=synchronised)
     state, rays = scene.truth, scene.observations.image_points
     movement = np.array([40.0, -30.0, 20.0, 0.4, -0.3, 0.2, 0.5 if heads == 1 else 0.0])
     before, after = (
