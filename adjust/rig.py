@@ -11,9 +11,9 @@ head is mounted nominally. A head that is exposed τ_h after the moment of the e
 moved meanwhile: D = exp(ω τ_h), with its velocity v and its rates ω in the camera frame of the reference
 head. Known are those along and about the axes of the body, v_b and ω_b: with R_e = R_b R_B(b) T_r,
 
-    v = S v_b,    ω = S ω_b,    S = (R_B(b) T_r)ᵀ,    so that R_e v = R_b v_b is the velocity in the local frame.
+    v = S v_b,    ω = S ω_b,    S = (R_B(b) T_r)ᵀ,
 
-They turn with the event, and know nothing of the datum. The boresight b in S is a given one while equations
+so that R_e v = R_b v_b is the velocity in the local frame. They turn with the event, and know nothing of the datum. The boresight b in S is a given one while equations
 are solved, and that of the result when they are solved again: as an unknown it would be known from the
 direction of the flight, to a degree, and hide that nothing else determines it. What the observations would
 add to b is of the size (v τ_h σ_b / σ_X0)², next to nothing. Derivatives J by (X0, δ_c) of a picture become
@@ -127,7 +127,9 @@ class Rig:
 
     def moving_by(self, boresight: Floats) -> Rig:
         """The same rig with this boresight (c, 3) in S; itself without motion."""
-        return self if self.motion is None else replace(self, motion=replace(self.motion, boresight=boresight))
+        return (
+            self if self.motion is None else replace(self, motion=replace(self.motion, boresight=boresight))
+        )
 
     def pictures(
         self,

@@ -26,13 +26,12 @@ def unknown_carriage(result: AdjustmentResult) -> tuple[Floats, Floats]:
 
     Of the σ of the three coordinates of the projection centre it is the smallest that counts.
     """
-    rig, sigma = result.block.rig, np.zeros(len(result.block.images))
-    if rig is None or rig.motion is None:
-        return sigma, sigma
-    reference, system = rig.reference[rig.camera_of_image], result.state.system
+    rig, system = result.block.rig, result.state.system
+    if rig is None or rig.motion is None or not system[SYNCHRONISATION_OFFSET].any():
+        return np.zeros(len(result.block.images)), np.zeros(len(result.block.images))
+    reference, later = rig.reference[rig.camera_of_image], system[SYNCHRONISATION_OFFSET][rig.camera_of_image]
     turns = rotation.roll_pitch_yaw_jacobian(system[BORESIGHT])[reference]
-    later = system[SYNCHRONISATION_OFFSET][rig.camera_of_image, :, None]
-    carried = later * rotation.cross_matrix(rig.motion.velocity[rig.event_of_image]) @ turns
+    carried = later[:, :, None] * rotation.cross_matrix(rig.motion.velocity[rig.event_of_image]) @ turns
     covariance = carried @ _of_boresights(result)[reference] @ np.swapaxes(carried, 1, 2)
     sigma = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
     return sigma, sigma / sigma_of_images(result)[:, :3].min(axis=1)

@@ -14,6 +14,7 @@ from tasks.results.figures import (
     FreeNetworkFigure,
     GlobalTestFigure,
     GroupFigure,
+    LateHeadFigure,
     RegisteredCalibrationFigure,
     SharedMoments,
     TrustMapGrid,
@@ -238,6 +239,17 @@ def shared_moment_sentences(shared: SharedMoments | None) -> Iterator[str]:
         yield (
             f"{shared.images:,} images were exposed at {shared.moments:,} times by several heads: each GNSS "
             "and INS observation is used once, shared among them."
+        )
+
+
+def late_head_sentences(heads: Sequence[LateHeadFigure]) -> Iterator[str]:
+    """Which heads were carried on a way that is not known well."""
+    for item in heads:
+        yield (
+            f"The σ of the boresight is so large that it is not known to {item.sigma_m:.3f} m where the body "
+            f"carried {item.head} in its {1e3 * item.offset_s:.3g} ms of synchronisation offset: "
+            f"{item.part_of_sigma:.1g} times the σ of its projection centres, which does not contain it. "
+            "Give the boresight a known value (adjustment.priors.boresight_deg), or deliver better attitudes."
         )
 
 

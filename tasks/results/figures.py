@@ -298,6 +298,22 @@ class SharedMoments(Figure):
     heads: int | None = None
 
 
+class LateHeadFigure(Figure):
+    """A head exposed late on a way that is not known well.
+
+    Attributes
+    ----------
+    offset_s : its synchronisation offset.
+    sigma_m, part_of_sigma : what errors of the boresight move it, and that as part of σ of its projection
+        centre; of the image with the largest part.
+    """
+
+    head: str
+    offset_s: float
+    sigma_m: float
+    part_of_sigma: float
+
+
 class RegisteredCalibrationFigure(Figure):
     """Whether the block contradicts the calibration of the registry that a camera has: the test T."""
 
@@ -422,6 +438,7 @@ class AdjustmentFigures(Figure):
     weak_parameters: tuple[WeakParameters, ...] = ()
     without_effect: tuple[str, ...] = ()
     shared_moments: SharedMoments | None = None
+    late_heads: tuple[LateHeadFigure, ...] = ()
     model_findings: tuple[ModelFinding, ...] = ()
     strip_scatter: tuple[StripScatter, ...] = ()
     restored_groups: tuple[RestoredGroup, ...] = ()

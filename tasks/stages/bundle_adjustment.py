@@ -32,6 +32,7 @@ from tasks.evaluation.calibration_contradiction import contradiction_figures, co
 from tasks.evaluation.check_point_test import check_point_test, tested_points
 from tasks.evaluation.distance_residuals import distance_figures, write_distance_residuals
 from tasks.evaluation.influence_table import write_parameter_influences
+from tasks.evaluation.late_heads import late_head_figures
 from tasks.evaluation.model_alternatives import model_alternatives
 from tasks.evaluation.model_test_tables import ExaminedModel, write_model_alternatives
 from tasks.evaluation.neighbour_table import write_neighbouring_images
@@ -183,6 +184,7 @@ def _written_small(
         "check_over_limit": max((item.over_limit for item in tests if item.over_limit), default=None),
         "self_calibration": own_figures,
         "shared_moments": _shared_moments(prepared),
+        "late_heads": [item.to_json() for item in late_head_figures(adjusted.result)],
         **examined.figures(),
         **contradiction_figures(contradictions),
         "residual_grid": residual_grid_figures(cameras, grids, settings.confidence),

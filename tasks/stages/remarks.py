@@ -15,6 +15,7 @@ from tasks.remarks.adjustment import (
     free_network_sentences,
     global_test_sentences,
     group_sentences,
+    late_head_sentences,
     registered_calibration_sentences,
     rejection_sentences,
     self_calibration_sentences,
@@ -93,6 +94,7 @@ def _of_adjustment(figures: AdjustmentFigures, summary: Summary, calibrating: bo
         yield from weak_parameter_sentences(figures.weak_parameters)
     yield from rejection_sentences(figures)
     yield from shared_moment_sentences(figures.shared_moments)
+    yield from late_head_sentences(figures.late_heads)
     yield from self_calibration_sentences(figures)
     yield from unestimated_sentences(figures.variance_components, figures.correlation_times)
     yield from without_effect_sentences(figures.without_effect)

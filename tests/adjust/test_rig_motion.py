@@ -10,10 +10,12 @@ import pytest
 from adjust.adjustment import adjust_block, estimate_block
 from adjust.arrays import Floats
 from adjust.geometry import rotation
-from adjust.parameters import BORESIGHT, State
+from adjust.parameters import BORESIGHT, ConsideredParameters, ParameterPlace, State
+from adjust.quality.late_heads import unknown_carriage
+from adjust.result_columns import sigma_of_images
 from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET
 from adjust.solve.design_matrix import design_matrix
-from adjust.solve.system import System
+from tasks.evaluation.late_heads import late_head_figures
 from tests.adjust.scenes import DEGREE, Scene, two_strips
 
 # Largest boresight that the mounting does not contain.
@@ -31,7 +33,8 @@ def turned(**switches: object) -> Scene:
 def carried(state: State) -> tuple[Floats, Floats]:
     """Poses of the pictures from the path of the body in the local frame, one picture after the other."""
     rig, system = state.rig, state.system
-    assert rig is not None and rig.motion is not None
+    assert rig is not None
+    assert rig.motion is not None
     centres, axes = [], []
     for event, head in zip(rig.event_of_image, rig.camera_of_image, strict=True):
         reference = rig.reference[head]
@@ -95,3 +98,44 @@ def test_the_boresight_that_carries_heads_is_as_well_as_known() -> None:
     step = np.linalg.solve(every.T @ every, every.T @ design.misclosure)
     assert np.max(sigma / smaller) < 1.0 + 1e-4
     assert np.abs(step / sigma).max() < 1e-3
+
+
+@pytest.mark.parametrize("considered", [False, True])
+def test_what_errors_of_the_boresight_mean_for_late_heads(considered: bool) -> None:
+    """Movements of the projection centres by numeric derivatives, for attitudes of half a degree."""
+    free = {} if considered else {BORESIGHT: True}
+    scene = two_strips(heads=3, synchronised=False, free=free, noise_seed=5, sigma_ins_rad=0.5 * DEGREE)
+    block, sigma = scene.block, np.deg2rad([0.5, 0.3, 0.9])
+    if considered:
+        places = tuple(ParameterPlace(BORESIGHT, 0, k) for k in range(3))
+        block = replace(block, considered=ConsideredParameters(places, np.diag(sigma**2)))
+    result = adjust_block(block, scene.observations)
+    covariance = np.diag(sigma**2)
+    if not considered:
+        covariance = result.covariance((), (), (BORESIGHT,)).matrix
+    state, ends = result.state, []
+    assert state.rig is not None
+    for k in range(3):
+        both = []
+        for step in (1e-4, -1e-4):
+            boresight = state.system[BORESIGHT].copy()
+            boresight[0, k] += step
+            both.append(replace(state, rig=state.rig.moving_by(boresight)).pictures.projection_centre)
+        ends.append((both[0] - both[1]) / 2e-4)
+    moved = np.stack(ends, axis=2)
+    expected = np.sqrt(np.linalg.eigvalsh(moved @ covariance @ np.swapaxes(moved, 1, 2))[:, -1])
+    found, part = unknown_carriage(result)
+    np.testing.assert_allclose(found, expected, rtol=0.02, atol=1e-9)
+    np.testing.assert_allclose(part, found / sigma_of_images(result)[:, :3].min(axis=1))
+    assert found[block.camera_of_image == 0].max() == 0.0 < found[block.camera_of_image > 0].min()
+
+
+def test_heads_are_named_that_a_weak_boresight_carries_elsewhere() -> None:
+    known = {"free": {BORESIGHT: True}, "noise_seed": 5, "sigma_gnss_m": 0.01}
+    scenes = [
+        two_strips(heads=3, synchronised=False, sigma_ins_rad=own * DEGREE, **known) for own in (0.005, 5.0)
+    ]
+    usual, weak = (late_head_figures(adjust_block(one.block, one.observations)) for one in scenes)
+    assert not usual
+    assert [item.head for item in weak] == ["forward_1", "forward_2"]
+    assert all(0.1 < item.part_of_sigma < 1.0 and 0.001 < item.sigma_m < 0.02 for item in weak)

@@ -9,6 +9,7 @@ from tasks.remarks.adjustment import (
     free_network_sentences,
     global_test_sentences,
     group_sentences,
+    late_head_sentences,
     registered_calibration_sentences,
     rejection_sentences,
     self_calibration_sentences,
@@ -33,6 +34,7 @@ from tasks.results.figures import (
     GridIterationFigure,
     GridStepFigure,
     GroupFigure,
+    LateHeadFigure,
     RegisteredCalibrationFigure,
     ResidualGridFigure,
     SelfCalibrationFigures,
@@ -273,6 +275,10 @@ def test_datum_events_and_trust_map() -> None:
     (unmapped,) = trust_map_sentences(mapped)
     assert unmapped.startswith("1 of the 4 cells of the area of the trust map is not mapped: fewer than two")
     assert unmapped.endswith("It counts as exceeding every limit.")
+    late = LateHeadFigure(head="left", offset_s=0.02, sigma_m=0.0063, part_of_sigma=0.312)
+    (carried,) = late_head_sentences((late,))
+    assert "not known to 0.006 m where the body carried left in its 20 ms" in carried
+    assert "0.3 times the σ of its projection centres" in carried
     (none,) = trust_map_sentences(None)
     assert none.startswith("There is no trust map")
     assert "less than a cell (trust_map.cell_m)" in none
