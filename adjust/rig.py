@@ -13,11 +13,11 @@ head. Known are those along and about the axes of the body, v_b and ω_b: with R
 
     v = S v_b,    ω = S ω_b,    S = (R_B(b) T_r)ᵀ,
 
-so that R_e v = R_b v_b is the velocity in the local frame. They turn with the event, and know nothing of the datum. The boresight b in S is a given one while equations
-are solved, and that of the result when they are solved again: as an unknown it would be known from the
-direction of the flight, to a degree, and hide that nothing else determines it. What the observations would
-add to b is of the size (v τ_h σ_b / σ_X0)², next to nothing. Derivatives J by (X0, δ_c) of a picture become
-those by its event and its head:
+so that R_e v = R_b v_b is the velocity in the local frame. They turn with the event, and know nothing of the
+datum. The boresight b in S is a given one while equations are solved, and that of the result when they are
+solved again: as an unknown it would be known from the direction of the flight, to a degree, and hide that
+nothing else determines it. What image points would add to b is of the size (v τ_h σ_b / σ_X0)², next to
+nothing. Derivatives J by (X0, δ_c) of a picture become those by its event and its head:
 
     J_event = J · [[I, −R_e [v τ_h + D t_h]×], [0, M_hᵀ Dᵀ]],    J_τ = J · [R_e (v + D [ω]× t_h); M_hᵀ ω],
     J_(p, ρ) = J · [[R_e D T_rᵀ, 0], [0, M_hᵀ T_rᵀ E(ρ)]].
