@@ -283,10 +283,12 @@ def _iterated(
             normals = reduced_normals(system, state, damping)
     if may_stall:
         return _End(state, normals.weighted_squares, tuple(history), True, step)
-    weakest = WholeBlock.of(step).weakest(step.state)
+    block = WholeBlock.of(step)
+    weakest = block.weakest(step.state)
     as_a_whole = _as_a_whole(system, start, _PATIENCE * most if weakest else most, progress, limit)
     if as_a_whole is not None and as_a_whole.weighted_squares <= normals.weighted_squares * (1 + 1e-9):
         return as_a_whole
+    weakest = weakest or block.weakest_bending(step.state)
     raise DivergenceError(
         most, tuple(item.weighted_squares for item in history), _largest(system, step), weakest
     )

@@ -14,9 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.errors import DatumDefectError, InconsistentBlockError
 from adjust.geometry import rotation
 from adjust.parameters import State
 from adjust.solve.datum import DATUM_DIRECTIONS, datum_basis, movements_of_points, noticed_movements
+from adjust.solve.normal_equations import reduced_normals
 from adjust.solve.step import Step
 from adjust.solve.system import System
 from adjust.solve.whitening import whiten
@@ -105,19 +107,25 @@ class WholeBlock:
         _, sizes, right = np.linalg.svd(self._held(self.placed(state))[0], full_matrices=False)
         if len(sizes) == 0 or sizes[-1] <= 0.0:
             return ""
-        movement = self.held @ right[-1] / sizes[-1]
-        turn, stretch = float(np.linalg.norm(movement[3:6])), abs(float(movement[6]))
-        if max(turn, stretch) < _WEAK:
+        return _in_words(self.held @ right[-1] / sizes[-1])
+
+    def weakest_bending(self, state: State) -> str:
+        """The same where the block may bend, with which a movement may be free that is held without.
+
+        Of increments e of the exposures with weights W, movements are the part p = (W B)⁺ W e, B the columns
+        of ``held``, with the covariance (W B)⁺ W Q W (W B)⁺ᵀ whatever else moves: that of the largest σ.
+        """
+        try:
+            step = Step.newton(self.system, state, reduced_normals(self.system, state))
+        except (DatumDefectError, InconsistentBlockError):
             return ""
-        angles = (
-            [name for name, own in zip(DATUM_DIRECTIONS[3:6], np.abs(movement[3:6]), strict=True)
-             if own > _INVOLVED * turn] if turn >= _WEAK else []
-        )  # fmt: skip
-        size = f"σ {np.rad2deg(turn):.2g}°" if turn < _ANY else "σ above 90°"
-        words = [f"{' and '.join(angles)} ({size})"] if angles else []
-        size = f"σ {100.0 * stretch:.2g} %" if stretch < 1.0 else "σ above 100 %"
-        words += [f"scale ({size})"] if stretch >= _WEAK else []
-        return " together with ".join(words)
+        weight = np.sqrt(step.normals.diagonal_exposure).reshape(-1, 1)
+        own = weight * (datum_basis(state) @ self.held).reshape(len(weight), -1)
+        part, nothing = np.linalg.pinv(own) * weight.T, np.zeros_like(step.normals.rhs_border)
+        solve = step.factorization.factor.solve
+        moved = np.array([solve(row.reshape(-1, 6), nothing)[0].ravel() for row in part])
+        variances, movements = np.linalg.eigh(part @ moved.T)
+        return _in_words(self.held @ movements[:, -1] * np.sqrt(max(variances[-1], 0.0)))
 
     def _held(self, state: State) -> tuple[Floats, Floats]:
         """What the movements change in whitened observations that are no image points, and misclosures."""
@@ -128,6 +136,20 @@ class WholeBlock:
             rows.append(noticed_movements(equations, state, movements).reshape(-1, 7))
             misclosure.append(equations.misclosure.ravel())
         return np.concatenate(rows) @ self.held, np.concatenate(misclosure)
+
+
+def _in_words(movement: Floats) -> str:
+    """What one σ (7,) turns or stretches, and by how much; empty if no more than usual."""
+    turn, stretch = float(np.linalg.norm(movement[3:6])), abs(float(movement[6]))
+    angles = (
+        [name for name, own in zip(DATUM_DIRECTIONS[3:6], np.abs(movement[3:6]), strict=True)
+         if own > _INVOLVED * turn] if turn >= _WEAK else []
+    )  # fmt: skip
+    size = f"σ {np.rad2deg(turn):.2g}°" if turn < _ANY else "σ above 90°"
+    words = [f"{' and '.join(angles)} ({size})"] if angles else []
+    size = f"σ {100.0 * stretch:.2g} %" if stretch < 1.0 else "σ above 100 %"
+    words += [f"scale ({size})"] if stretch >= _WEAK else []
+    return " together with ".join(words)
 
 
 def transformed(state: State, movement: Floats, centre: Floats) -> State:

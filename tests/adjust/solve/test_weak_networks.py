@@ -82,7 +82,13 @@ def lowest(system: System, state: State) -> float:
 # begun at the result, does not make lower.
 @pytest.mark.parametrize(
     ("seed", "expected"),
-    [(273, 62.334425), (497, 30.371501), (1150, 135.941326), (1257, 72.171888), (1489, 73.128606)],
+    [
+        (273, 62.334425),
+        (497, 30.371501),
+        (1150, 135.941326),
+        (1257, 72.171888),
+        (1489, 73.128606),
+    ],
 )
 def test_a_block_that_may_turn_by_degrees_or_stretch_by_parts_is_found(seed: int, expected: float) -> None:
     scene, constrained = random_network(seed)
@@ -114,11 +120,38 @@ def test_what_is_hardly_held_is_named_where_no_minimum_is_found() -> None:
     assert "add control points or positions" in str(caught.value)
 
 
+def test_what_is_hardly_held_where_the_block_bends_is_named() -> None:
+    """Three points, two of them on a line along the strip, the plan alone of the third: half a millimetre.
+
+    A rigid block would be held to 0.006°; the strip twists and turns by 14°.
+    """
+    scene, constrained = random_network(430)
+    options = AdjustmentOptions(free_network=constrained)
+    with pytest.raises(DivergenceError) as caught:
+        estimate_block(scene.block, scene.observations, options)
+    assert caught.value.weakest.startswith("rotation about x (σ ")
+    system = System.of(scene.block, scene.observations, inner_constraints=constrained)
+    state = estimate_block(scene.block, scene.observations, replace(options, most_iterations=150)).state
+    step = Step.newton(system, state, reduced_normals(system, state))
+    block = WholeBlock.of(step)
+    assert block.weakest(state) == ""
+    assert block.weakest_bending(state) == "rotation about x (σ 14°)"
+    design = design_matrix(system, state)
+    matrix = design.matrix.toarray()
+    cofactor = np.linalg.inv(matrix.T @ matrix)
+    # Small rotations of the middle exposure in the local frame.
+    own = state.local_from_camera[2] @ cofactor[np.ix_(*[design.exposure_columns[2, 3:]] * 2)]
+    sigma = np.sqrt(np.linalg.eigvalsh(own @ state.local_from_camera[2].T))
+    assert sigma[-1] / DEGREE == pytest.approx(14.0, abs=1.0)
+    assert sigma[-2] / DEGREE < 1.0
+
+
 def test_nothing_is_named_in_a_block_that_is_held() -> None:
     scene = two_strips(noise_seed=1, start_seed=2)
     system, state = System.of(scene.block, scene.observations), scene.block.approximate_state()
     step = Step.newton(system, state, reduced_normals(system, state))
-    assert WholeBlock.of(step).weakest(state) == ""
+    block = WholeBlock.of(step)
+    assert block.weakest(state) == block.weakest_bending(state) == ""
 
 
 @pytest.mark.parametrize(("heads", "synchronised"), [(1, True), (3, True), (3, False)])
@@ -144,7 +177,7 @@ def test_a_small_step_is_the_same_whether_the_block_is_moved_exactly_or_not() ->
 
 @pytest.mark.slow
 def test_of_many_weak_networks_hardly_any_ends_without_a_minimum_and_none_without_a_name() -> None:
-    """Of 1,500, 1,243 are determined; 25 of those had no convergence, of which 10 are left, 9 with a name."""
+    """Of 1,500, 1,243 are determined; 25 of those had no convergence, 10 are left, all with a name."""
     determined, lost, unnamed = 0, 0, 0
     for seed in range(1500):
         scene, constrained = random_network(seed)
@@ -159,4 +192,4 @@ def test_of_many_weak_networks_hardly_any_ends_without_a_minimum_and_none_withou
     print(f"{determined} determined, {lost} without convergence, {unnamed} of them without a name")
     assert determined > 1200
     assert lost <= 12
-    assert unnamed <= 1
+    assert unnamed == 0
