@@ -220,6 +220,17 @@ def test_with_known_sigmas_the_most_likely_correlation_time_is_found() -> None:
         assert item.seconds == pytest.approx(float(np.exp(best.x)), rel=0.02), item.name
         assert item.verdict == "estimated"
         assert item.lower < item.seconds < item.upper
+        # The curvature of −2 log L is twice the information of ζ, whose inverse is the variance.
+        process = others[item.group - 1].stochastic.over_time
+        assert process is not None
+        zeta, step = zeta_of(process, item.seconds), 0.02
+        before, here, after = (
+            likelihood(item.group, seconds_of(process, zeta + change)) for change in (-step, 0.0, step)
+        )
+        variance = 2.0 * step**2 / (before - 2.0 * here + after)
+        confidence = AdjustmentOptions().confidence
+        expected = stated_or_estimated(item.group, item.name, process, item.redundancy, variance, confidence)
+        assert (item.lower, item.upper) == pytest.approx((expected.lower, expected.upper), rel=0.1)
     # Nothing else was asked for.
     assert result.variance_components == ()
 
@@ -288,6 +299,21 @@ def test_what_has_no_redundancy_or_no_successors_keeps_what_was_stated() -> None
         assert item.redundancy < 10.0
         assert (item.seconds, item.verdict) == (stated, "stated")
         assert np.isnan([item.lower, item.upper]).all()
+
+
+def test_exposures_of_which_none_follows_another_keep_what_was_stated() -> None:
+    scene = two_strips(images_per_strip=10, points_along=20, free=FREE, noise_seed=6, ins_correlation_s=30.0)
+    *rest, ins = scene.observations.others
+    n = len(scene.block.images)
+    alone = StochasticModel.from_sigma(ins.stochastic.sigma).correlated(
+        GaussMarkov(np.arange(n), np.zeros(n), 30.0)
+    )
+    others = (*rest, replace(ins, stochastic=alone))  # type: ignore[type-var]
+    result = estimated(scene, replace(scene.observations, others=others), variance_components=True)
+    (time,) = result.correlation_times
+    assert time.redundancy > 10.0
+    assert (time.seconds, time.verdict) == (30.0, "stated")
+    assert any(item.estimated for item in result.variance_components if item.part.group == INS)
 
 
 def test_gross_errors_and_correlation_are_told_apart() -> None:
