@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from adjust.adjustment import estimate_block
 from adjust.arrays import Floats
 from adjust.errors import DatumDefectError, DivergenceError
+from adjust.observations.gnss_position import GnssPositions
 from adjust.options import AdjustmentOptions
 from adjust.parameters import InnerConstraints, State
 from adjust.solve.design_matrix import design_matrix
@@ -173,6 +174,46 @@ def test_a_small_step_is_the_same_whether_the_block_is_moved_exactly_or_not() ->
     # Of decimetres; what differs is of second order.
     np.testing.assert_allclose(found.object_point, step.moved.object_point, atol=1e-5)
     np.testing.assert_allclose(found.local_from_camera, step.moved.local_from_camera, atol=1e-8)
+
+
+def newton_step(scene: Scene) -> Step:
+    system, state = System.of(scene.block, scene.observations), scene.truth
+    return Step.newton(system, state, reduced_normals(system, state))
+
+
+def test_the_sigma_of_a_weak_rotation_is_that_of_the_positions_over_their_distances_from_its_axis() -> None:
+    """Two strips along x, whose positions have a σ of 20 m in height, roll by it over 310 m of each."""
+    scene = two_strips(control=(), ins=False, images_per_strip=9, sigma_gnss_m=10.0, frame="cartesian")
+    _, y, z = (scene.truth.projection_centre - scene.truth.projection_centre.mean(axis=0)).T
+    sigma = np.rad2deg(1.0 / np.sqrt(np.sum((y / 20.0) ** 2 + (z / 10.0) ** 2)))
+    block = WholeBlock.of(newton_step(scene))
+    elsewhere = transformed(scene.truth, np.array([40.0, -30.0, 20.0, 0.2, -0.3, 2.0, 0.7]), np.zeros(3))
+    np.testing.assert_allclose(block.placed(elsewhere).object_point, scene.truth.object_point, atol=1e-3)
+    for state in (scene.truth, elsewhere):
+        assert block.weakest(state) == f"rotation about x (σ {sigma:.2g}°)"
+
+
+def test_the_sigma_of_a_weak_scale_is_that_of_the_distances_over_their_lengths() -> None:
+    scene = two_strips(control=("full",), gnss=False, distances=3, sigma_distance_m=30.0, frame="cartesian")
+    lengths = scene.observations.others[-1].given  # type: ignore[attr-defined]
+    sigma = 30.0 / np.sqrt(np.sum(lengths**2))
+    assert WholeBlock.of(newton_step(scene)).weakest(scene.truth) == f"scale (σ {100.0 * sigma:.2g} %)"
+
+
+@pytest.mark.parametrize("heads", [1, 3])
+def test_image_points_do_not_notice_that_a_block_is_placed_where_the_others_fit(heads: int) -> None:
+    """The mountings of a rig would not stretch with it."""
+    scene = two_strips(heads=heads, noise_seed=1)
+    rays, others = scene.observations.image_points, scene.observations.others
+    longer = tuple(
+        replace(group, observed=1.1 * group.observed) if isinstance(group, GnssPositions) else group
+        for group in others
+    )
+    step = newton_step(replace(scene, observations=replace(scene.observations, others=longer)))
+    placed = WholeBlock.of(step).placed(scene.truth)
+    assert np.abs(placed.projection_centre - scene.truth.projection_centre).max() > 1.0
+    before, after = (rays.linearize(state).misclosure for state in (scene.truth, placed))
+    np.testing.assert_allclose(after, before, atol=1e-12)
 
 
 @pytest.mark.slow
