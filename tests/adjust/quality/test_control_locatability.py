@@ -8,10 +8,20 @@ import numpy as np
 import pytest
 
 from adjust.adjustment import adjust_block
+from adjust.arrays import Bools
+from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
+from adjust.quality.control_locatability import doubtful_control
+from adjust.quality.locatability import ADVANTAGE
+from adjust.quality.rejection import Rejection, SnoopingRule, located, reject
+from adjust.quality.snooping_statistic import normal_equivalent
 from adjust.result import AdjustmentResult, ObservationStatus
-from tests.adjust.scenes import Scene, two_strips
+from adjust.solve.design_matrix import design_matrix, full_cofactor
+from adjust.solve.system import System
+from tests.adjust.scenes import ControlKind, Scene, two_strips
+
+CRITICAL = 4.13
 
 
 def with_errors(scene: Scene, errors: dict[int, float]) -> Scene:
@@ -30,7 +40,7 @@ def snooped(scene: Scene, **options: object) -> AdjustmentResult:
     return adjust_block(
         scene.block,
         scene.observations,
-        AdjustmentOptions(critical_value=4.13, **options),  # type: ignore[arg-type]
+        AdjustmentOptions(critical_value=CRITICAL, **options),  # type: ignore[arg-type]
     )
 
 
@@ -61,3 +71,109 @@ def test_with_positions_the_wrong_ones_are_rejected(errors: dict[int, float]) ->
     result = snooped(with_errors(scene, errors))
     assert rejected_control(result) == set(errors)
     assert len(result.inseparable) == 0
+
+
+def test_points_that_a_larger_error_swamps_are_not_named() -> None:
+    """That of the fifth point alone explains them; one after the other, as all gross errors."""
+    scene = two_strips(control=("full",) * 5, ins=False, noise_seed=2)
+    adjusted = adjusted_once(with_errors(scene, {4: 4.0, 0: 0.3}))
+    every = doubtful_control(adjusted, CRITICAL)
+    assert every is not None
+    assert np.flatnonzero(every.rows).tolist() == [1, 2, 3]
+    found = reject(adjusted, SnoopingRule(CRITICAL))
+    assert np.flatnonzero(found.rejected[1]).tolist() == [4]
+    assert found.inseparable.tolist() == []
+
+
+def adjusted_once(scene: Scene) -> Adjusted:
+    return Adjuster(AdjustmentOptions()).adjust(System.of(scene.block, scene.observations), scene.truth)
+
+
+def of_full_matrices(
+    adjusted: Adjusted, least: float, chosen: Bools | None = None
+) -> tuple[list[int], list[int], float]:
+    """Rows, object points and size of the doubtful control points of the first group but image points."""
+    group = adjusted.observations.others[0]
+    design = design_matrix(adjusted.system, adjusted.state)
+    matrix = design.matrix.toarray()
+    remainder = np.eye(len(matrix)) - matrix @ full_cofactor(design) @ matrix.T
+    residual, first = remainder @ design.misclosure, design.row_start[1]
+    model, n = group.stochastic, len(group.event)
+    rows = first + np.arange(3 * n).reshape(n, 3)
+
+    def explained(points: list[int]) -> float:
+        """T of errors of all coordinates of some points."""
+        errors = np.zeros((len(matrix), 3 * len(points)))
+        for k, point in enumerate(points):
+            errors[rows[point], 3 * k : 3 * k + 3] = model.whitener[point] * model.present[point]
+        normal = np.linalg.pinv(errors.T @ remainder @ errors, rcond=1e-7, hermitian=True)
+        return float((errors.T @ residual) @ normal @ (errors.T @ residual))
+
+    size, statistic = np.zeros(n), np.zeros(n)
+    for point in range(n):
+        own = rows[point][model.present[point]]
+        values, vectors = np.linalg.eigh(remainder[np.ix_(own, own)])
+        told = values > 1e-3
+        statistic[point] = np.sum((vectors.T @ residual[own])[told] ** 2 / values[told])
+        size[point] = normal_equivalent(statistic[[point]], np.array([told.sum()]))[0]
+    candidates = np.flatnonzero(size > max(CRITICAL, least) if chosen is None else chosen)
+    suspects = np.flatnonzero(statistic >= statistic[candidates].min(initial=np.inf) - ADVANTAGE)
+    suspects = suspects[np.argsort(-statistic[suspects])][:10]
+    candidates = np.intersect1d(candidates, suspects)
+    alone = [explained([point]) for point in range(n)]
+    pairs = [
+        (row, other)
+        for row in candidates.tolist()
+        for other in suspects.tolist()
+        if other != row
+        and alone[row] - alone[other] <= ADVANTAGE
+        and explained([row, other]) - alone[other] <= CRITICAL**2
+    ]
+    doubtful = sorted({row for row, _ in pairs})
+    points = np.unique(group.point[[place for pair in pairs for place in pair]]).tolist() if pairs else []
+    return doubtful, points, float(max(size[doubtful], default=0.0))
+
+
+def test_of_what_was_chosen_the_points_that_cannot_be_told_apart_stay() -> None:
+    scene = two_strips(control=("full",) * 5, gnss=False, ins=False, noise_seed=3)
+    adjusted = adjusted_once(with_errors(scene, {4: 2.0, 0: 0.3}))
+    control = adjusted.observations.others[0].point
+    chosen = Rejection.nothing(adjusted.observations, len(scene.block.points))
+    chosen.rejected[1][:], chosen.given_up[control] = True, True
+    rows, points, _ = of_full_matrices(adjusted, 0.0, chosen.rejected[1])
+    assert 0 < len(rows) < 5
+    found = located(adjusted, chosen, SnoopingRule(CRITICAL))
+    assert np.flatnonzero(~found.rejected[1]).tolist() == rows
+    assert np.flatnonzero(~found.given_up[control]).tolist() == rows
+    assert found.inseparable.tolist() == points
+
+
+@pytest.mark.parametrize("gnss", [False, True])
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        ("full",) * 5,
+        ("full", "plan", "height", "height", "height"),
+        ("covariance", "height", "full", "full", "height"),
+        ("full",) * 12,
+    ],
+)
+def test_what_cannot_be_told_apart_is_what_full_matrices_say(
+    kinds: tuple[ControlKind, ...], *, gnss: bool
+) -> None:
+    scene = two_strips(control=kinds, gnss=gnss, ins=False, noise_seed=3)
+    adjusted = adjusted_once(with_errors(scene, {len(kinds) - 1: 2.0, 0: 0.3}))
+    named, every = 0, np.eye(len(kinds), dtype=bool)
+    for least, chosen in (
+        (0.0, None),
+        (15.0, None),
+        *((0.0, one) for one in every),
+        (0.0, every.any(axis=0)),
+    ):
+        found = doubtful_control(adjusted, CRITICAL, least, None if chosen is None else (chosen, chosen))
+        assert found is not None
+        rows, points, size = of_full_matrices(adjusted, least, chosen)
+        assert (np.flatnonzero(found.rows).tolist(), found.points.tolist()) == (rows, points)
+        assert found.size == pytest.approx(size, rel=1e-4)
+        named += len(rows)
+    assert named > 0
