@@ -60,8 +60,13 @@ def test_cells_lie_in_a_grid_whose_neighbours_are_one_cell_apart(table: pd.DataF
 
 def test_summary_and_gates_have_the_share_of_the_area(outcome: RunOutcome, table: pd.DataFrame) -> None:
     summary = json.loads((outcome.directory / "summary.json").read_text())
-    worst = np.sort(table["sigma_z_m"])[int(np.ceil(0.95 * len(table))) - 1]
-    assert summary["trust_map_height_m"] == pytest.approx(worst)
+    place = int(np.ceil(0.95 * len(table))) - 1
+    assert summary["trust_map_height_m"] == pytest.approx(np.sort(table["sigma_z_m"])[place])
+    plan = [np.sort(table[f"sigma_{axis}_m"])[place] for axis in "xy"]
+    assert summary["trust_map_plan_m"] == pytest.approx(max(plan))
+    assert min(plan) < 0.99 * max(plan)
+    external = summary["trust_map"]["external_m"]
+    assert summary["trust_map_external_m"] == (None if None in external else max(external))
     assert summary["trust_map"]["cells"] == len(table)
     gates = {gate["name"]: gate for gate in summary["gates"]}
     assert gates["trust_map_plan_m"]["passed"]
