@@ -69,7 +69,7 @@ def test_the_largest_effect_is_that_of_a_new_ray_of_the_block_or_of_its_rays(
     share: float, expected: float
 ) -> None:
     kinds = {
-        f"{name}_z_m": np.where(VALUE % 3 == remainder, VALUE, np.nan if remainder == 1 else 0.1)
+        f"{name}_z_m": np.where(np.mod(VALUE, 3) == remainder, VALUE, np.nan if remainder == 1 else 0.1)
         for remainder, name in enumerate(("external", "block_error", "ray_error"))
     }
     assert trust_map_figure(cells(**kinds), grid_of(), share).external_m[2] == expected

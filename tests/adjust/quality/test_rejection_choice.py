@@ -1,0 +1,143 @@
+"""Which observations one pass of data snooping takes out, from statistics that are given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adjust.observations.control_point import ControlPoints
+from adjust.observations.distance import Distances
+from adjust.quality.rejection import Rejection, choose
+from adjust.solve.system import Observations
+from tests.adjust.scenes import MICROMETRE, Scene, two_strips
+
+RAYS, CONTROL, GNSS = 0, 1, 2
+
+
+def chosen(scene: Scene, statistics: dict[tuple[int, int], float]) -> Rejection:
+    """What goes with a critical value of 4, if the statistics of all but some (group, row) are zero."""
+    groups = scene.observations.groups
+    values = tuple(np.zeros(len(group.event)) for group in groups)
+    for (group, row), value in statistics.items():
+        values[group][row] = value
+    return choose(scene.observations, scene.truth, values, tuple(np.full(len(one), 4.0) for one in values))
+
+
+def rows(found: Rejection, group: int) -> list[int]:
+    return np.flatnonzero(found.rejected[group]).tolist()
+
+
+def unsurveyed(scene: Scene, least: int) -> list[int]:
+    """Object points with so many rays, or more, that no survey knows."""
+    rays, control = scene.observations.image_points, scene.observations.others[0]
+    return np.setdiff1d(np.flatnonzero(np.bincount(rays.point) >= least), control.point).tolist()
+
+
+def with_rays_of(scene: Scene, point: int, kept: list[int]) -> Scene:
+    """The same with some of the rays of a point alone, counted from its first one."""
+    rays = scene.observations.image_points
+    own = np.flatnonzero(rays.point == point)
+    rest = np.setdiff1d(np.arange(len(rays.image)), np.delete(own, kept))
+    return replace(scene, observations=Observations(rays.only(rest), scene.observations.others))
+
+
+def test_of_an_object_point_the_largest_goes_and_of_an_image_every_point() -> None:
+    scene = two_strips()
+    rays = scene.observations.image_points
+    image = int(rays.image[np.flatnonzero(rays.point == unsurveyed(scene, 5)[0])[0]])
+    points = [point for point in unsurveyed(scene, 5) if image in rays.image[rays.point == point]][:2]
+    first, second = (int(np.flatnonzero((rays.point == p) & (rays.image == image))[0]) for p in points)
+    smaller = int(np.flatnonzero((rays.point == points[0]) & (rays.image != image))[0])
+    xy = rays.xy.copy()
+    xy[[first, second]] += 60 * MICROMETRE
+    scene = replace(scene, observations=Observations(replace(rays, xy=xy), scene.observations.others))
+    found = chosen(scene, {(RAYS, first): 9.0, (RAYS, second): 8.0, (RAYS, smaller): 8.9})
+    assert rows(found, RAYS) == sorted([first, second])
+    assert not found.given_up.any()
+
+
+@pytest.mark.parametrize(("of_first", "place"), [(8.9995, 0), (8.99, 1)])
+def test_of_two_rays_that_are_alike_but_for_rounding_the_first_goes(of_first: float, place: int) -> None:
+    scene = with_rays_of(two_strips(), point := unsurveyed(two_strips(), 5)[0], [0, 1])
+    own = np.flatnonzero(scene.observations.image_points.point == point)
+    found = chosen(scene, {(RAYS, int(own[0])): of_first, (RAYS, int(own[1])): 9.0})
+    assert rows(found, RAYS) == [own[place]]
+
+
+@pytest.mark.parametrize(("seconds", "expected"), [(None, [3, 4, 6]), (12.0, [3, 6])])
+def test_of_two_neighbours_of_a_strip_whose_errors_are_correlated_the_larger_one_goes(
+    seconds: float | None, expected: list[int]
+) -> None:
+    scene = two_strips(images_per_strip=8, gnss_correlation_s=seconds)
+    statistics = {(GNSS, 3): 10.0, (GNSS, 4): 9.0, (GNSS, 6): 8.0}
+    assert rows(chosen(scene, statistics), GNSS) == expected
+
+
+def test_a_point_of_three_rays_whose_wrong_one_cannot_be_told_is_given_up() -> None:
+    """Three images of a strip notice an error along it, but not whose it is."""
+    scene = two_strips(strips=1, images_per_strip=5, headings_deg=(90.0,), control=("full",) * 3)
+    rays = scene.observations.image_points
+    point = next(p for p in unsurveyed(scene, 3) if np.count_nonzero(rays.point == p) == 3)
+    first = int(np.flatnonzero(rays.point == point)[0])
+    xy = rays.xy.copy()
+    xy[first, 0] += 60 * MICROMETRE
+    damaged = Observations(replace(rays, xy=xy), scene.observations.others)
+    found = chosen(replace(scene, observations=damaged), {(RAYS, first): 12.0})
+    assert np.flatnonzero(found.given_up).tolist() == [point]
+
+
+@pytest.mark.parametrize(("row", "given_up"), [(3, False), (None, True)])
+def test_one_ray_and_a_height_determine_a_point_but_not_one_ray_alone(
+    row: int | None, *, given_up: bool
+) -> None:
+    scene = two_strips()
+    control = scene.observations.others[0]
+    assert isinstance(control, ControlPoints)
+    point = unsurveyed(scene, 5)[0] if row is None else int(control.point[row])
+    if row is not None:
+        assert control.stochastic.present[row].tolist() == [False, False, True]
+    scene = with_rays_of(scene, point, [0, 1])
+    first = int(np.flatnonzero(scene.observations.image_points.point == point)[0])
+    found = chosen(scene, {(RAYS, first): 9.0})
+    assert found.given_up[point] == given_up
+    assert np.count_nonzero(found.given_up) == given_up
+
+
+def test_a_survey_that_goes_leaves_a_point_of_one_ray_undetermined() -> None:
+    scene = two_strips()
+    point = int(scene.observations.others[0].point[0])
+    # A point that was undetermined before is no matter of this pass.
+    scene = with_rays_of(with_rays_of(scene, point, [0]), unsurveyed(scene, 5)[0], [0])
+    found = chosen(scene, {(CONTROL, 0): 9.0})
+    assert rows(found, CONTROL) == [0]
+    assert np.flatnonzero(found.given_up).tolist() == [point]
+
+
+@pytest.mark.parametrize(("gone", "survey_goes"), [(0, False), (1, False), (2, True)])
+def test_a_survey_goes_in_place_of_a_ray_that_would_leave_it_less_than_half(
+    gone: int, *, survey_goes: bool
+) -> None:
+    scene = two_strips()
+    rays, point = scene.observations.image_points, int(scene.observations.others[0].point[0])
+    own = np.flatnonzero(rays.point == point)
+    assert len(own) == 4
+    left = rays.without(np.isin(np.arange(len(rays.image)), own[:gone]))
+    scene = replace(scene, observations=Observations(left, scene.observations.others))
+    found = chosen(scene, {(RAYS, int(own[-1])): 9.0})
+    assert rows(found, CONTROL) == [0] * survey_goes
+    assert rows(found, RAYS) == ([] if survey_goes else [own[-1]])
+    assert not found.given_up.any()
+
+
+def test_a_distance_does_not_go_in_place_of_the_rays_of_its_points() -> None:
+    scene = two_strips(distances=4)
+    distances = scene.observations.others[-1]
+    assert isinstance(distances, Distances)
+    point = next(p for p in distances.point.tolist() if p in unsurveyed(scene, 4))
+    scene = with_rays_of(scene, point, [0, 1])
+    first = int(np.flatnonzero(scene.observations.image_points.point == point)[0])
+    found = chosen(scene, {(RAYS, first): 9.0})
+    assert rows(found, RAYS) == [first]
+    assert not found.rejected[-1].any()
