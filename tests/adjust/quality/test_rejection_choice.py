@@ -76,14 +76,17 @@ def test_of_two_neighbours_of_a_strip_whose_errors_are_correlated_the_larger_one
 
 
 def test_a_point_of_three_rays_whose_wrong_one_cannot_be_told_is_given_up() -> None:
-    """Three images of a strip notice an error along it, but not whose it is."""
-    scene = two_strips(strips=1, images_per_strip=5, headings_deg=(90.0,), control=("full",) * 3)
+    """Three images of a strip notice an error along it, but not whose it is; nor does a distance."""
+    scene = two_strips(strips=1, images_per_strip=5, headings_deg=(90.0,), control=("full",) * 3, distances=4)
+    *others, distances = scene.observations.others
+    assert isinstance(distances, Distances)
     rays = scene.observations.image_points
     point = next(p for p in unsurveyed(scene, 3) if np.count_nonzero(rays.point == p) == 3)
     first = int(np.flatnonzero(rays.point == point)[0])
     xy = rays.xy.copy()
     xy[first, 0] += 60 * MICROMETRE
-    damaged = Observations(replace(rays, xy=xy), scene.observations.others)
+    more = replace(distances, point=np.append(point, distances.point[1:]))
+    damaged = Observations(replace(rays, xy=xy), (*others, more))
     found = chosen(replace(scene, observations=damaged), {(RAYS, first): 12.0})
     assert np.flatnonzero(found.given_up).tolist() == [point]
 
@@ -133,11 +136,14 @@ def test_a_survey_goes_in_place_of_a_ray_that_would_leave_it_less_than_half(
 
 def test_a_distance_does_not_go_in_place_of_the_rays_of_its_points() -> None:
     scene = two_strips(distances=4)
-    distances = scene.observations.others[-1]
+    *others, distances = scene.observations.others
     assert isinstance(distances, Distances)
-    point = next(p for p in distances.point.tolist() if p in unsurveyed(scene, 4))
-    scene = with_rays_of(scene, point, [0, 1])
-    first = int(np.flatnonzero(scene.observations.image_points.point == point)[0])
-    found = chosen(scene, {(RAYS, first): 9.0})
-    assert rows(found, RAYS) == [first]
+    point, rays = unsurveyed(scene, 4)[0], scene.observations.image_points
+    ends = np.append(point, distances.point[1:])
+    own = np.flatnonzero(rays.point == point)
+    left = rays.without(np.isin(np.arange(len(rays.image)), own[2:]))
+    observations = Observations(left, (*others, replace(distances, point=ends)))
+    found = chosen(replace(scene, observations=observations), {(RAYS, int(own[0])): 9.0})
+    assert rows(found, RAYS) == [own[0]]
+    assert found.given_up[point]
     assert not found.rejected[-1].any()
