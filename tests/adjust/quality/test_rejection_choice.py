@@ -9,9 +9,10 @@ import pytest
 
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.distance import Distances
-from adjust.quality.rejection import Rejection, choose
+from adjust.parameters import BORESIGHT
+from adjust.quality.rejection import Rejection, _least, choose
 from adjust.solve.system import Observations
-from tests.adjust.scenes import MICROMETRE, Scene, two_strips
+from tests.adjust.scenes import DEGREE, MICROMETRE, Scene, two_strips
 
 RAYS, CONTROL, GNSS = 0, 1, 2
 
@@ -147,3 +148,28 @@ def test_a_distance_does_not_go_in_place_of_the_rays_of_its_points() -> None:
     assert rows(found, RAYS) == [own[0]]
     assert found.given_up[point]
     assert not found.rejected[-1].any()
+
+
+def test_what_the_error_of_another_may_cause_waits_until_that_one_is_gone() -> None:
+    """Seven tenths of the largest of its image and of all that is no image point; a fifth of any other."""
+    scene = two_strips(free={BORESIGHT: True}, priors={BORESIGHT: 0.01 * DEGREE})
+    observations = scene.observations
+    image, prior = observations.image_points.image, len(observations.groups) - 1
+
+    def least(statistics: dict[tuple[int, int], float]) -> tuple[float, float, float]:
+        """Of the image points of the first image, of those of the others, and of positions."""
+        values = tuple(np.zeros(len(group.event)) for group in observations.groups)
+        for (group, row), value in statistics.items():
+            values[group][row] = value
+        found = _least(observations, values, 4.0)
+        (of_first,), (of_rest,), (of_positions,) = (
+            set(one.tolist()) for one in (found[RAYS][image == 0], found[RAYS][image > 0], found[GNSS])
+        )
+        return of_first, of_rest, of_positions
+
+    ray = (RAYS, int(np.flatnonzero(image == 0)[0]))
+    assert least({ray: 5.0}) == (4.0, 4.0, 4.0)
+    assert least({ray: 40.0}) == pytest.approx((28.0, 8.0, 28.0))
+    assert least({ray: 40.0, (GNSS, 3): 30.0}) == pytest.approx((28.0, 21.0, 28.0))
+    # Nothing takes a prior away, so it hides as little as an image point elsewhere.
+    assert least({ray: 40.0, (prior, 0): 120.0}) == pytest.approx((28.0, 24.0, 84.0))

@@ -27,6 +27,7 @@ from adjust.quality.variance_components import (
     PartSums,
     reweighted,
     robust_factors,
+    variance_components,
     variance_factors,
 )
 from adjust.result import AdjustmentResult, ObservationStatus
@@ -443,6 +444,34 @@ def test_the_fixed_point_is_that_of_helmerts_rigorous_estimate(dense: Callable[.
     # The parts that keep their weights contribute a known share to every q.
     components = np.linalg.solve(exact[np.ix_(free, free)], (q - exact[:, ~free].sum(axis=1))[free])
     np.testing.assert_allclose(components, 1.0, atol=1e-5)
+
+
+def test_degrees_of_freedom_and_limits_are_those_of_the_full_matrices(dense: Callable[..., Any]) -> None:
+    system, solution, remainder, rows = dense()
+    parts, adjusted = parts_of(system.observations), Adjusted(system, solution, ())
+    factors = 0.5 + 0.25 * np.arange(len(parts))
+    frozen = np.array([part.name.startswith("control_points") for part in parts])
+    free = np.flatnonzero(~frozen)
+    exact = np.array([[np.sum(remainder[np.ix_(rows[g], rows[h])] ** 2) for h in free] for g in free])
+    found, _ = variance_components(adjusted, parts, factors, frozen, 0.9)
+    degrees = 1.0 / np.diagonal(np.linalg.inv(exact))
+    assert np.any(degrees < 0.9 * np.diagonal(exact)), "parts borrow from each other"
+    for k, expected in zip(free, degrees, strict=True):
+        item, d = found[k], found[k].degrees_of_freedom
+        assert item.redundancy == pytest.approx(np.sum(np.diagonal(remainder)[rows[k]]), rel=1e-5)
+        assert d == pytest.approx(expected, rel=0.1)
+        assert item.factor == factors[k]
+        assert item.lower == pytest.approx(factors[k] * np.sqrt(d / stats.chi2.ppf(0.95, d)))
+        assert item.upper == pytest.approx(factors[k] * np.sqrt(d / stats.chi2.ppf(0.05, d)))
+    assert not any(found[k].estimated for k in np.flatnonzero(frozen))
+
+
+def test_the_median_of_right_sigmas_gives_a_factor_of_one() -> None:
+    scene = two_strips(points_along=40, points_across=12, noise_seed=4)
+    result = adjust_block(scene.block, scene.observations)
+    adjusted = Adjusted(result.system, result.solution, ())
+    factors = robust_factors(adjusted.observations, adjusted.residuals, parts_of(adjusted.observations))
+    assert factors[0] == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_part_that_turns_back_stops_where_it_would_cross() -> None:
