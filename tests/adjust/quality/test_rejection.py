@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from adjust.adjustment import adjust_block
 from adjust.errors import InconsistentBlockError
@@ -19,7 +20,7 @@ from adjust.observations.image_point import ImagePoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import ADDITIONAL_PARAMETERS, BORESIGHT, INTERIOR_ORIENTATION
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
-from adjust.quality.rejection import SnoopingRule, snooping_statistics
+from adjust.quality.rejection import SnoopingRule, contradicting_priors, snooping_statistics
 from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.solve.system import Observations, System
 from tests.adjust.scenes import MICROMETRE, Scene, two_strips
@@ -324,6 +325,43 @@ def test_a_prior_of_many_parameters_that_fits_is_not_suspicious() -> None:
     largest = np.nanmax(np.abs(adjusted.residuals[-1].standardized))
     assert largest < 2.0
     np.testing.assert_allclose(statistics[-1].max(), largest, rtol=1e-12)
+
+
+def test_whether_a_prior_contradicts_is_judged_with_the_variance_that_the_rule_trusts() -> None:
+    given = scene(
+        free={BORESIGHT: True, INTERIOR_ORIENTATION: True}, priors={INTERIOR_ORIENTATION: 10 * MICROMETRE}
+    )
+    half = np.array(0.5)
+    observations = Observations(
+        given.observations.image_points.rescaled(half),
+        tuple(group.rescaled(half) for group in given.observations.others),
+    )
+    adjusted = Adjuster(AdjustmentOptions()).adjust(
+        System.of(given.block, observations), given.block.approximate_state()
+    )
+    critical = 0.8 * float(np.abs(adjusted.residuals[-1].standardized).max())
+    trusted, unknown = (
+        contradicting_priors(adjusted, SnoopingRule(critical, reference_variance=variance))
+        for variance in ("a_priori", "a_posteriori")
+    )
+    assert trusted[-1].any()
+    assert not any(mask.any() for mask in (*trusted[:-1], *unknown))
+
+
+def test_with_an_unknown_variance_components_have_the_statistic_of_pope() -> None:
+    """τ = w/σ̂0, and τ √((f − 1)/(f − τ²)) has the t-distribution of f − 1 degrees of freedom."""
+    given = scene()
+    adjusted = Adjuster(AdjustmentOptions()).adjust(
+        System.of(given.block, given.observations), given.block.approximate_state()
+    )
+    rule = SnoopingRule(CRITICAL, reference_variance="a_posteriori")
+    freedom = adjusted.redundancy
+    positions = adjusted.residuals[2]
+    assert (positions.control > UNCONTROLLED).all()
+    largest = np.abs(positions.standardized).max(axis=1)
+    tau = largest / np.sqrt(adjusted.weighted_squares / freedom)
+    tail = stats.t.sf(tau * np.sqrt((freedom - 1.0) / (freedom - tau**2)), freedom - 1)
+    np.testing.assert_allclose(snooping_statistics(adjusted, rule)[2], stats.norm.isf(tail), rtol=1e-9)
 
 
 @pytest.mark.parametrize("turned", [False, True])
