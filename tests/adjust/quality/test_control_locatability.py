@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from adjust.adjustment import adjust_block
-from adjust.arrays import Bools
+from adjust.arrays import Bools, Floats
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
+from adjust.parameters import GNSS_SHIFT, ConsideredParameters, ParameterPlace
 from adjust.quality.control_locatability import doubtful_control
 from adjust.quality.locatability import ADVANTAGE
 from adjust.quality.rejection import Rejection, SnoopingRule, located, reject
@@ -90,14 +91,24 @@ def adjusted_once(scene: Scene) -> Adjusted:
 
 
 def of_full_matrices(
-    adjusted: Adjusted, least: float, chosen: Bools | None = None
+    adjusted: Adjusted, least: float, chosen: Bools | None = None, spread: Floats | None = None
 ) -> tuple[list[int], list[int], float]:
-    """Rows, object points and size of the doubtful control points of the first group but image points."""
+    """Rows, object points and size of the doubtful control points of the first group but image points.
+
+    spread (N, k) is what errors of considered parameters do to the whitened observations.
+    """
     group = adjusted.observations.others[0]
     design = design_matrix(adjusted.system, adjusted.state)
     matrix = design.matrix.toarray()
     remainder = np.eye(len(matrix)) - matrix @ full_cofactor(design) @ matrix.T
     residual, first = remainder @ design.misclosure, design.row_start[1]
+    spread = np.zeros((len(matrix), 1)) if spread is None else spread
+    inverse = np.eye(len(matrix)) - spread @ np.linalg.solve(
+        np.eye(spread.shape[1]) + spread.T @ spread, spread.T
+    )
+    normal = matrix.T @ inverse @ matrix
+    weight = inverse - inverse @ matrix @ np.linalg.solve(normal, matrix.T @ inverse)
+    of_residuals = remainder + (remainder @ spread) @ (remainder @ spread).T
     model, n = group.stochastic, len(group.event)
     rows = first + np.arange(3 * n).reshape(n, 3)
 
@@ -106,13 +117,13 @@ def of_full_matrices(
         errors = np.zeros((len(matrix), 3 * len(points)))
         for k, point in enumerate(points):
             errors[rows[point], 3 * k : 3 * k + 3] = model.whitener[point] * model.present[point]
-        normal = np.linalg.pinv(errors.T @ remainder @ errors, rcond=1e-7, hermitian=True)
-        return float((errors.T @ residual) @ normal @ (errors.T @ residual))
+        score = errors.T @ weight @ design.misclosure
+        return float(score @ np.linalg.pinv(errors.T @ weight @ errors, rcond=1e-7, hermitian=True) @ score)
 
     size, statistic = np.zeros(n), np.zeros(n)
     for point in range(n):
         own = rows[point][model.present[point]]
-        values, vectors = np.linalg.eigh(remainder[np.ix_(own, own)])
+        values, vectors = np.linalg.eigh(of_residuals[np.ix_(own, own)])
         told = values > 1e-3
         statistic[point] = np.sum((vectors.T @ residual[own])[told] ** 2 / values[told])
         size[point] = normal_equivalent(statistic[[point]], np.array([told.sum()]))[0]
@@ -177,3 +188,27 @@ def test_what_cannot_be_told_apart_is_what_full_matrices_say(
         assert found.size == pytest.approx(size, rel=1e-4)
         named += len(rows)
     assert named > 0
+
+
+def test_errors_of_considered_parameters_are_no_errors_of_control_points() -> None:
+    """The vertical shift of the positions is known to half a metre, the control points are 0.3 m too high."""
+    kinds, sigma = ("full",) * 5, 0.5
+    scene, freed = (
+        two_strips(control=kinds, ins=False, noise_seed=3, free={GNSS_SHIFT: free}) for free in (False, True)
+    )
+    places = tuple(ParameterPlace(GNSS_SHIFT, 0, component) for component in range(3))
+    known = ConsideredParameters(places, sigma**2 * np.eye(3))
+    scene = replace(scene, block=replace(scene.block, considered=known))
+    scene = with_errors(scene, {0: 1.3, 1: 0.3, 2: 0.3, 3: 0.3, 4: 0.3})
+    adjusted = adjusted_once(scene)
+    design = design_matrix(System.of(freed.block, scene.observations), adjusted.state)
+    spread = sigma * design.matrix.toarray()[:, design.border_columns]
+    every = np.ones(len(kinds), dtype=bool)
+    for chosen in (None, every):
+        found = doubtful_control(adjusted, CRITICAL, 0.0, None if chosen is None else (chosen, chosen))
+        assert found is not None
+        rows, points, size = of_full_matrices(adjusted, 0.0, chosen, spread)
+        assert (np.flatnonzero(found.rows).tolist(), found.points.tolist()) == (rows, points)
+        assert found.size == pytest.approx(size, rel=1e-4)
+    assert rows
+    assert of_full_matrices(adjusted, 0.0)[0] != of_full_matrices(adjusted, 0.0, None, spread)[0]
