@@ -104,3 +104,8 @@ def test_beyond_the_chosen_cells_the_nearest_counts_also_for_what_is_not_finite(
     assert found[12, 0] == pytest.approx(2.5)
     assert np.isfinite(found[:, 0]).all()
     assert set(found[[13, 17, 19, 23], 1]) <= {2.0, 3.0, np.inf}
+
+
+def test_points_at_opposite_ends_of_two_rows_stay_apart() -> None:
+    points = np.array([[0.0, 0.0, 1.0], [300.0, 0.5, 2.0], [0.0, 1.5, 3.0]])
+    np.testing.assert_array_equal(_thinned(points), points)

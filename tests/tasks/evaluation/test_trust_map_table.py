@@ -17,12 +17,13 @@ from adjust.trust_map.block_errors import block_errors
 from adjust.trust_map.cells import GroundCells, sight_of
 from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
-from tasks.coordinates.local_frame import local_from_grid, local_from_map
+from tasks.coordinates.local_frame import local_from_grid, local_from_map, map_from_local
 from tasks.evaluation.result_tables import AdjustedBlock
-from tasks.evaluation.trust_map import MapCells, MapGrid, new_sigma, write_trust_map
+from tasks.evaluation.trust_map import MapCells, MapGrid, map_cells, new_sigma, write_trust_map
 from tasks.settings.coordinates import ELLIPSOIDAL
 from tasks.settings.trust_map import TrustMapSettings
 from tests.adjust.scenes import two_strips
+from tests.adjust.trust_map.test_accuracy import corrections_of
 
 NOTHING = np.zeros((0, 3))
 NO_SURVEY = SurveyedPoints(
@@ -38,6 +39,7 @@ def adjusted() -> AdjustedBlock:
     known = ConsideredParameters((focal_length,), np.array([[(40e-6) ** 2]]))
     block = replace(scene.block, considered=known)
     result = adjust_block(block, scene.observations)
+    result = replace(result, cofactor=replace(result.cofactor, corrections=corrections_of(block)))
     frame = MapFrame.of("EPSG:32632", ELLIPSOIDAL)
     return AdjustedBlock(block, result, frame, block.frame, SIGMA0, NO_SURVEY, pd.DataFrame())
 
@@ -67,9 +69,8 @@ def test_every_column_is_what_is_computed_of_its_cell(adjusted: AdjustedBlock, t
     # Of all rays alike, and with the σ0 of the adjustment.
     sigma = float(result.groups[0].sigma[0, 0]) * SIGMA0
     assert grid.sigma_image_um == pytest.approx(1e6 * sigma)
-    accuracy = cell_accuracy(
-        solution, cells, sight, NewMeasurement(sigma, SIGMA0), result.cofactor.considered
-    )
+    others = result.cofactor.considered, result.cofactor.corrections
+    accuracy = cell_accuracy(solution, cells, sight, NewMeasurement(sigma, SIGMA0), *others)
     errors = block_errors(solution, result, cells, sight, np.arange(len(table)))
     for pattern, expected in (
         ("sigma_{}_m", accuracy.sigma),
@@ -84,10 +85,29 @@ def test_every_column_is_what_is_computed_of_its_cell(adjusted: AdjustedBlock, t
     np.testing.assert_array_equal(table["uncontrolled"], accuracy.uncontrolled)
 
 
-def test_beyond_a_gap_in_a_row_there_is_no_neighbour(adjusted: AdjustedBlock) -> None:
-    grid, number = MapGrid(-200.0, 100.0, 100.0, 2, 4), np.array([0, 1, 3, 4, 5])
-    x_in_map = np.column_stack([grid.middles[number], np.zeros(5)])
-    assert MapCells(grid, number, x_in_map).ground(adjusted).neighbour.tolist() == [1, -1, -1, 4, -1]
+@pytest.mark.parametrize(
+    ("number", "neighbour"), [([0, 1, 3, 4, 5], [1, -1, -1, 4, -1]), ([0, 1, 6], [1, -1, -1])]
+)
+def test_beyond_a_gap_in_a_row_and_in_the_next_row_there_is_no_neighbour(
+    adjusted: AdjustedBlock, number: list[int], neighbour: list[int]
+) -> None:
+    grid = MapGrid(-200.0, 100.0, 100.0, 2, 4)
+    x_in_map = np.column_stack([grid.middles[number], np.zeros(len(number))])
+    assert MapCells(grid, np.array(number), x_in_map).ground(adjusted).neighbour.tolist() == neighbour
+
+
+def test_cells_lie_on_the_ground_between_the_object_points(adjusted: AdjustedBlock) -> None:
+    frames, state = (adjusted.map_frame, adjusted.frame), adjusted.result.state
+    x_in_map = map_from_local(*frames, state.object_point)
+    middle, slope = x_in_map[:, :2].mean(axis=0), np.array([0.1, -0.05])
+    x_in_map[:, 2] = 300.0 + (x_in_map[:, :2] - middle) @ slope
+    on_slope = replace(state, object_point=local_from_map(*frames, x_in_map))
+    result = replace(adjusted.result, state=on_slope)
+    cells = map_cells(replace(adjusted, result=result), 100.0)
+    assert cells is not None
+    assert len(cells.number) > 20
+    expected = 300.0 + (cells.x_in_map[:, :2] - middle) @ slope
+    np.testing.assert_allclose(cells.x_in_map[:, 2], expected, atol=1e-6)
 
 
 def test_a_stated_sigma_of_image_coordinates_is_in_micrometres(adjusted: AdjustedBlock) -> None:
@@ -101,3 +121,14 @@ def test_a_free_network_has_no_trust_map(adjusted: AdjustedBlock, tmp_path: Path
     free = replace(adjusted, block=scene.block, result=result)
     assert write_trust_map(tmp_path, free, TrustMapSettings(cell_m=100.0)) is None
     assert not list(tmp_path.iterdir())
+
+
+def test_a_free_network_that_leaves_nothing_open_has_a_trust_map(
+    adjusted: AdjustedBlock, tmp_path: Path
+) -> None:
+    scene = two_strips(noise_seed=5)
+    result = adjust_block(scene.block, scene.observations, AdjustmentOptions(free_network="both"))
+    assert result.free_network is not None
+    assert result.free_network.defect == 0
+    free = replace(adjusted, block=scene.block, result=result)
+    assert write_trust_map(tmp_path, free, TrustMapSettings(cell_m=200.0)) is not None
