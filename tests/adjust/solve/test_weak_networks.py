@@ -166,6 +166,12 @@ def test_image_points_do_not_notice_a_block_that_is_moved_as_a_whole(heads: int,
     np.testing.assert_allclose(after, before, atol=1e-12)
 
 
+def test_the_scale_of_a_movement_is_a_logarithm() -> None:
+    state = two_strips().truth
+    longer = transformed(state, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.log(1.5)]), np.zeros(3))
+    np.testing.assert_allclose(longer.projection_centre, 1.5 * state.projection_centre, rtol=1e-14)
+
+
 def test_a_small_step_is_the_same_whether_the_block_is_moved_exactly_or_not() -> None:
     scene = two_strips(noise_seed=1, control=("full",) * 4)
     system, state = System.of(scene.block, scene.observations), scene.truth

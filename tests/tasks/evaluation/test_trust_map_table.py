@@ -65,7 +65,9 @@ def test_every_column_is_what_is_computed_of_its_cell(adjusted: AdjustedBlock, t
     result = adjusted.result
     sight = sight_of(adjusted.block, result.state, cells.x_in_local)
     np.testing.assert_array_equal(table["rays"], sight.rays)
+    assert sight.rays.min() == 2
     solution = joint_solution(result, sight)
+    assert grid.added_pairs == solution.added_pairs > 0
     # Of all rays alike, and with the σ0 of the adjustment.
     sigma = float(result.groups[0].sigma[0, 0]) * SIGMA0
     assert grid.sigma_image_um == pytest.approx(1e6 * sigma)
@@ -101,8 +103,10 @@ def test_cells_lie_on_the_ground_between_the_object_points(adjusted: AdjustedBlo
     x_in_map = map_from_local(*frames, state.object_point)
     middle, slope = x_in_map[:, :2].mean(axis=0), np.array([0.1, -0.05])
     x_in_map[:, 2] = 300.0 + (x_in_map[:, :2] - middle) @ slope
+    used = np.arange(len(x_in_map)) % 7 > 0
+    x_in_map[~used, 2] += 500.0  # where wrong image points had put them
     on_slope = replace(state, object_point=local_from_map(*frames, x_in_map))
-    result = replace(adjusted.result, state=on_slope)
+    result = replace(adjusted.result, state=on_slope, active_point=used)
     cells = map_cells(replace(adjusted, result=result), 100.0)
     assert cells is not None
     assert len(cells.number) > 20
