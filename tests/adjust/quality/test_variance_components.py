@@ -464,6 +464,10 @@ def test_degrees_of_freedom_and_limits_are_those_of_the_full_matrices(dense: Cal
         assert item.lower == pytest.approx(factors[k] * np.sqrt(d / stats.chi2.ppf(0.95, d)))
         assert item.upper == pytest.approx(factors[k] * np.sqrt(d / stats.chi2.ppf(0.05, d)))
     assert not any(found[k].estimated for k in np.flatnonzero(frozen))
+    # Of each part the median of its own σ, which heights have twice as large.
+    sigma = {item.part.name: item.sigma for item in found}
+    assert sigma["gnss_positions height"] == pytest.approx(2.0 * sigma["gnss_positions plan"])
+    assert sigma["image_points"] == pytest.approx(2e-6)
 
 
 def test_the_median_of_right_sigmas_gives_a_factor_of_one() -> None:
