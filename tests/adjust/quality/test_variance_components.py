@@ -160,6 +160,23 @@ def test_adjusted_values_are_those_of_the_estimated_weights(
     np.testing.assert_allclose(result.groups[1].sigma, again.groups[1].sigma)
 
 
+def test_parts_are_called_after_their_components() -> None:
+    observations = two_strips().observations
+    found = {
+        part.name: "".join(observations.groups[part.group].components[k][0] for k in part.components)
+        for part in parts_of(observations)
+    }
+    assert found == {
+        "image_points": "xy",
+        "control_points plan": "xy",
+        "control_points height": "z",
+        "gnss_positions plan": "xy",
+        "gnss_positions height": "z",
+        "ins_attitudes roll and pitch": "rp",
+        "ins_attitudes yaw": "y",
+    }
+
+
 def test_parts_with_little_redundancy_keep_their_stated_sigma() -> None:
     scene = two_strips(noise_seed=3)
     result = estimated(scene.block, scene.observations)
