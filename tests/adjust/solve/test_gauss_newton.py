@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from adjust.adjustment import adjust_block, estimate_block
+from adjust.errors import DivergenceError
 from adjust.parameters import BORESIGHT
 from adjust.quality.cofactor import cofactor
 from adjust.solve.gauss_newton import iterate
@@ -127,3 +128,17 @@ def test_a_strip_without_control_is_found_from_every_start(start_seed: int, nois
     )  # fmt: skip
     estimate = estimate_block(scene.block, scene.observations)
     assert estimate.weighted_squares == pytest.approx({0: 57.54769, 1: 61.81874}[noise_seed], abs=1e-4)
+
+
+def test_what_still_moves_most_is_named_with_its_size() -> None:
+    """One image 5 m off, and the roll of the boresight 0.002 rad too large."""
+    scene = two_strips(free={BORESIGHT: True})
+    centre, boresight = scene.truth.projection_centre.copy(), scene.truth.system[BORESIGHT].copy()
+    centre[4] += [3.0, 0.0, 4.0]
+    boresight[0, 0] += 0.002
+    start = replace(
+        scene.truth, projection_centre=centre, system={**scene.truth.system, BORESIGHT: boresight}
+    )
+    with pytest.raises(DivergenceError) as caught:
+        iterate(system_of(scene), start, 1)
+    assert caught.value.largest == "image image_04 (5.01 m); system parameters by up to 0.002"
