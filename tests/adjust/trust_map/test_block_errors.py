@@ -16,10 +16,12 @@ from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.result import AdjustmentResult, ObservationStatus
+from adjust.solve.covisibility import Covisibility
 from adjust.solve.system import Observations
 from adjust.trust_map.accuracy import joint_solution, new_rays
 from adjust.trust_map.block_errors import block_errors
 from adjust.trust_map.cells import GroundCells, Sight, sight_of
+from adjust.trust_map.ray_errors import images_around
 from tests.adjust.scenes import Scene, two_strips
 from tests.adjust.trust_map.grids import cells_over, turned
 
@@ -155,3 +157,29 @@ def test_the_largest_effect_of_an_image_point_is_that_of_an_adjustment_with_the_
                 expected[k] = np.maximum(expected[k], effect[k])
     np.testing.assert_allclose(found.of_rays, expected, rtol=0.02, atol=2e-5)
     assert found.of_rays.min() > 0.0
+
+
+def test_cells_that_are_solved_for_a_few_at_a_time_have_the_same_effects(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = two_strips(noise_seed=3)
+    result = adjust_block(scene.block, scene.observations)
+    cells = turned(cells_over(scene.truth.object_point, 6, 5))
+    sight = sight_of(scene.block, result.state, cells.x_in_local)
+    chosen = np.flatnonzero(sight.rays >= 2)[::-1]
+    assert len(chosen) > 16
+    solution = joint_solution(result, sight)
+    together = block_errors(solution, result, cells, sight, chosen)
+    monkeypatch.setattr(f"{block_errors.__module__}._NUMBERS_AT_ONCE", 1)
+    apart = block_errors(solution, result, cells, sight, chosen)
+    np.testing.assert_allclose(apart.of_orientation, together.of_orientation, rtol=1e-9)
+    np.testing.assert_allclose(apart.of_rays, together.of_rays, rtol=1e-9)
+
+
+def test_images_around_a_cell_have_a_point_in_common_with_one_that_sees_it() -> None:
+    """Four images in a row, each of which has points in common with the next one."""
+    row = Covisibility(np.array([0, 2, 4, 6, 7]), np.array([0, 1, 1, 2, 2, 3, 3]))
+    around = images_around(Sight(np.array([0, 1, 3, 3]), np.array([2, 0, 1])), row)
+    assert np.split(around.image, around.start[1:-1])[0].tolist() == [1, 2, 3]
+    assert np.split(around.image, around.start[1:-1])[1].tolist() == [0, 1, 2]
+    assert around.rays.tolist() == [3, 3, 0]
