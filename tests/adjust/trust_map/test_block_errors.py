@@ -14,7 +14,7 @@ from adjust.observations.control_point import ControlPoints
 from adjust.observations.distance import Distances
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
-from adjust.parameters import INTERIOR_ORIENTATION, OBJECT_POINT, State
+from adjust.parameters import GNSS_SHIFT, INTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.result import AdjustmentResult, ObservationStatus
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.system import Observations
@@ -73,7 +73,7 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
     correlated: float | None,
 ) -> None:
     scene = two_strips(
-        free={INTERIOR_ORIENTATION: [[True, False, False]]},
+        free={INTERIOR_ORIENTATION: [[True, False, False]], GNSS_SHIFT: True},
         control=("full", "full", "full"),
         ins=False,
         gnss_correlation_s=correlated,
