@@ -276,14 +276,14 @@ class State:
             self.projection_centre, self.local_from_camera, self.system, self.system[BORESIGHT]
         )
 
-    def with_own_motion(self) -> State:
-        """Pictures of late heads moved as with the boresight of this state; itself if that is the same."""
+    def with_own_motion(self) -> tuple[State, bool]:
+        """Pictures of late heads moved as with the boresight of this state, and whether they are the same."""
         if self.rig is None or not np.any(self.system[SYNCHRONISATION_OFFSET]):
-            return self
+            return self, True
         found = replace(self, rig=self.rig.moving_by(self.system[BORESIGHT]))
         moved = np.abs(found.pictures.projection_centre - self.pictures.projection_centre).max()
         turned = np.abs(found.pictures.local_from_camera - self.pictures.local_from_camera).max()
-        return found if moved > _SAME_PLACE_M or turned > _SAME_ROTATION else self
+        return found, bool(moved <= _SAME_PLACE_M and turned <= _SAME_ROTATION)
 
 
 def _as_kernels_take_it(values: Floats) -> Floats:

@@ -258,8 +258,8 @@ def _iterated(
             progress(history[-1])
         if step.largest_move < limit and damping == 0.0 and step.datum_settled:
             # Whether vPv falls or rises in so small a step is decided by rounding alone.
-            end = step.moved.with_own_motion()
-            if end is not step.moved:
+            end, settled = step.moved.with_own_motion()
+            if not settled:
                 state, normals, before = end, reduced_normals(system, end), None
                 continue
             at_end = weighted_squares(system, end)
@@ -311,8 +311,8 @@ def _as_a_whole(
             if progress is not None:
                 progress(history[-1])
             if short and damping == 0.0 and step.datum_settled:
-                end = step.moved.with_own_motion()
-                if end is not step.moved:
+                end, settled = step.moved.with_own_motion()
+                if not settled:
                     state, normals = end, reduced_normals(system, end)
                     continue
                 at_end = weighted_squares(system, end)

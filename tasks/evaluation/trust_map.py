@@ -218,7 +218,7 @@ def _thinned(points: Floats) -> Floats:
 
 _XYZ = ("x", "y", "z")
 _PIECE = 50_000
-# Cells for which effects of errors in the block are solved for; they change slowly over the ground.
+# Cells for which effects of errors in the block are solved for; as parts of σ they change slowly.
 _SOLVED_FOR = 300
 
 
@@ -252,9 +252,7 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
     accuracy = cell_accuracy(solution, ground, sight, measurement, *others)
     chosen = cells.spread(_SOLVED_FOR)
     errors = block_errors(solution, result, ground, sight, chosen)
-    both = cells.interpolated(chosen, np.hstack([errors.of_orientation, errors.of_rays]))
-    everywhere = BlockErrors(both[:, :3], both[:, 3:])
-    _write(folder, adjusted, cells, accuracy, everywhere)
+    _write(folder, adjusted, cells, accuracy, _everywhere(cells, chosen, errors, accuracy.sigma))
     grid = cells.grid
     return TrustMapGrid(
         west_m=grid.west,
@@ -267,6 +265,17 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
         cells=len(cells.number),
         area_cells=cells.wanted,
     )
+
+
+def _everywhere(cells: MapCells, chosen: Ints, errors: BlockErrors, sigma: Floats) -> BlockErrors:
+    """Effects in all cells from those in some: interpolated as parts of σ (m, 3), which is known in every cell.
+
+    Where few images see a cell, as at the margin, it follows errors of the block as much more as σ is larger.
+    """
+    scale = np.tile(np.where(np.isfinite(sigma), sigma, 1.0), 2)
+    parts = np.hstack([errors.of_orientation, errors.of_rays]) / scale[chosen]
+    both = scale * cells.interpolated(chosen, parts)
+    return BlockErrors(both[:, :3], both[:, 3:])
 
 
 def new_sigma(adjusted: AdjustedBlock, settings: TrustMapSettings) -> float:

@@ -1,6 +1,9 @@
 """A delivered flight of a rig: several heads have the pose of one exposure, from docs/theory/adjustment.md.
 
 R_c = R_e D M_h,  X0 = X_e + R_e (v τ_h + D t_h),  M_h = T_rᵀ R(ρ_h) T_h,  t_h = T_rᵀ p_h,  D = exp(ω τ_h)
+
+with v and ω of the body turned by S = (R_B(b) T_r)ᵀ, in which the boresight b is that of the result and no
+unknown.
 """
 
 from __future__ import annotations
@@ -31,9 +34,11 @@ class DeliveredRig(Delivered):
 
     @cached_property
     def motion(self) -> tuple[Array, Array]:
-        """Velocities and rates of the exposures, forward, right, down, m/s and rad/s."""
+        """Velocities and rates of the exposures, axes of the aligned reference head, m/s and rad/s."""
         velocity = turned(np.swapaxes(self.local_from_body, 1, 2), self.velocity())
-        return velocity, np.radians(self.given[[f"rate_{axis}" for axis in BODY]].to_numpy())
+        rate = np.radians(self.given[[f"rate_{axis}" for axis in BODY]].to_numpy())
+        boresight = rpy(self.of(self.g, tuple(f"boresight_{axis}" for axis in BODY), self.camera))
+        return turned(np.swapaxes(boresight, 1, 2), velocity), turned(np.swapaxes(boresight, 1, 2), rate)
 
     def pose_of_rays(self, centre: Array, r: Array, g: Array) -> tuple[Array, Array]:
         return self.pose_of_heads(centre, r, g, self.ray_camera, self.ray_image)
