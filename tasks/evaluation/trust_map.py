@@ -268,7 +268,7 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
 
 
 def _everywhere(cells: MapCells, chosen: Ints, errors: BlockErrors, sigma: Floats) -> BlockErrors:
-    """Effects in all cells from those in some: interpolated as parts of σ (m, 3), which is known in every cell.
+    """Effects in all cells from those in some: interpolated as parts of σ (m, 3), which is known in all.
 
     Where few images see a cell, as at the margin, it follows errors of the block as much more as σ is larger.
     """
