@@ -44,7 +44,7 @@ class Products:
     Attributes
     ----------
     own : (k, k) CᵀC.
-    load : AᵀC.
+    load : AᵀC; complete after ``finish``.
     """
 
     def __init__(self, system: System, count: int) -> None:
