@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, order_of_numbers
 from adjust.camera.interior import FrameCamera
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import INTERIOR_ORIENTATION, State
@@ -58,7 +58,7 @@ class MeasuredImages:
     @cached_property
     def rows_of_image(self) -> tuple[Ints, ...]:
         """Rows of the image points of every image, ascending by object point."""
-        order = np.argsort(self.rays.image, kind="stable").astype(np.int64)
+        order = order_of_numbers(self.rays.image)
         starts = np.searchsorted(self.rays.image[order], np.arange(1, self.images))
         return tuple(np.split(order, starts))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adjust.arrays import Bools, Floats, Ints, as_indices, as_sigmas, require_shape
+from adjust.arrays import Bools, Floats, Ints, as_indices, as_sigmas, order_of_numbers, require_shape
 from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.errors import InconsistentBlockError
 from adjust.observations import image_point_kernel
@@ -161,7 +161,7 @@ class ImagePoints:
         of_point = indices_of("object point", point, block.points)
         require_shape("The array of images", of_image.shape, of_point.shape)
         require_shape("The array of image coordinates", measured.shape, (len(of_point), 2))
-        order = np.argsort(of_point, kind="stable")
+        order = order_of_numbers(of_point)
         return cls(
             of_image[order],
             of_point[order],

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, order_of_numbers
 from adjust.residual_grid import autocorrelation_kernel
 from adjust.residual_grid.residual_grid import root_mean_square
 
@@ -85,8 +85,8 @@ def autocorrelation(
 
 def _grouped(image: Ints) -> tuple[Ints, Ints]:
     """Rows sorted by image, and where each image begins; no more than the pairs allow, evenly chosen."""
-    order = np.argsort(image, kind="stable")
-    _, first, count = np.unique(image[order], return_index=True, return_counts=True)
+    order, count = order_of_numbers(image), np.bincount(image)
+    first, count = (np.cumsum(count) - count)[count > 0], count[count > 0]
     step = -(-count // _MOST_IN_IMAGE)
     left = -(-count // step)
     pairs = int(np.sum(left * (left - 1) // 2))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from adjust.arrays import Bools, Floats, Ints
+from adjust.arrays import Bools, Floats, Ints, order_of_numbers
 from adjust.block import Block
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import (
@@ -153,7 +153,7 @@ def image_point_observations(
     """Image points of the given images and points, sorted by point, and their rows in the table."""
     image, point = places_of(table["image"], images), places_of(table["point"], points)
     rows = np.flatnonzero((image >= 0) & (point >= 0))
-    rows = rows[np.lexsort((image[rows], point[rows]))]
+    rows = rows[order_of_numbers(image[rows], point[rows])]
     observations = ImagePoints(
         image[rows],
         point[rows],

@@ -12,6 +12,9 @@ from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
 from tasks.document_kit.raster import Raster
 
+# Footprints at a time, so that memory stays small.
+_AT_ONCE = 1000
+
 
 def footprints(images: pd.DataFrame, cameras: Mapping[str, FrameCamera]) -> Floats:
     """Corners (n, 4, 2) of the images on the terrain, map coordinates, m.
@@ -45,22 +48,33 @@ def _corners(camera: FrameCamera) -> Floats:
 
 def overlap(corners: Floats, raster: Raster) -> Ints:
     """Number of footprints (rows, columns) that contain the middle of each cell; corners (n, 4, 2)."""
-    count = np.zeros((raster.rows, raster.columns), dtype=np.int64)
-    x, y = raster.centres
-    for corner in corners[np.isfinite(corners).all(axis=(1, 2))]:
-        columns = slice(*np.searchsorted(x, [corner[:, 0].min(), corner[:, 0].max()]))
-        rows = slice(*np.searchsorted(y, [corner[:, 1].min(), corner[:, 1].max()]))
-        count[rows, columns] += _inside(corner, x[columns], y[rows])
-    return count
+    count = np.zeros((raster.rows, raster.columns + 1), dtype=np.int64)
+    known = corners[np.isfinite(corners).all(axis=(1, 2))]
+    for some in np.array_split(known, -(-len(known) // _AT_ONCE) or 1):
+        row, first, last = _columns_inside(some, *raster.centres)
+        np.add.at(count, (row, first), 1)
+        np.add.at(count, (row, last), -1)
+    return np.cumsum(count[:, :-1], axis=1)
 
 
-def _inside(corner: Floats, x: Floats, y: Floats) -> Ints:
-    """1 where a grid of places (rows, columns) lies inside a convex quadrangle (4, 2), else 0."""
-    side = np.roll(corner, -1, axis=0) - corner
-    cross = [
-        dx * (y[:, None] - cy) - dy * (x[None, :] - cx)
-        for (dx, dy), (cx, cy) in zip(side, corner, strict=True)
-    ]
-    stacked = np.array(cross)
+def _columns_inside(corners: Floats, x: Floats, y: Floats) -> tuple[Ints, Ints, Ints]:
+    """Rows of a grid that convex quadrangles (n, 4, 2) touch, the first column inside, and that behind.
+
+    In a row, every side leaves the places on one side of where it meets the row.
+    """
+    side = np.roll(corners, -1, axis=1) - corners
     # Either way round: a mirrored order of the corners must not matter.
-    return np.asarray((stacked >= 0).all(axis=0) | (stacked <= 0).all(axis=0)).astype(np.int64)
+    area = np.sum(corners[:, :, 0] * np.roll(corners[:, :, 1], -1, axis=1), axis=1)
+    area -= np.sum(np.roll(corners[:, :, 0], -1, axis=1) * corners[:, :, 1], axis=1)
+    side *= np.where(area < 0.0, -1.0, 1.0)[:, None, None]
+    dx, dy = side[:, :, 0, None], side[:, :, 1, None]
+    above = y - corners[:, :, 1, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        meets = corners[:, :, 0, None] + dx * above / dy
+    left = np.where(dy < 0.0, meets, -np.inf).max(axis=1)
+    right = np.where(dy > 0.0, meets, np.inf).min(axis=1)
+    outside = ((dy == 0.0) & (dx * above < 0.0)).any(axis=1)
+    image, row = np.nonzero((left <= right) & ~outside)
+    first = np.searchsorted(x, left[image, row], side="left")
+    last = np.searchsorted(x, right[image, row], side="right")
+    return row, first, last

@@ -50,8 +50,8 @@ def check_point_test(adjusted: AdjustedBlock, confidence: float) -> CheckPointTe
     if joint is None:
         return None
     table = surveyed_differences(adjusted, is_check=True)
-    point = places_of(table["point"], adjusted.block.points)
-    row = pd.Index(point).get_indexer(pd.Index(joint.points))
+    names = pd.Index([adjusted.block.points[point] for point in joint.points])
+    row = pd.Index(table["point"]).get_indexer(names)
     difference = table[list(_AXES)].to_numpy(np.float64)[row]
     known = np.isfinite(difference)
     figures = int(2 * known.any(axis=0).sum())

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from adjust.arrays import Floats, Ints
+from adjust.arrays import Floats, Ints, order_of_numbers
 from adjust.block import Block
 from adjust.observations.base import ObservationGroup
 from adjust.observations.direct import DirectObservations
@@ -61,7 +61,7 @@ class _Rows:
     def order(self) -> Ints:
         """The observations in the order of the table."""
         keys = (self.points.rank[self.point], self.images.rank[self.image], self.titles.rank[self.title])
-        return np.lexsort(keys).astype(np.int64)
+        return order_of_numbers(*keys)
 
     def columns(self, rows: Ints) -> Mapping[str, Any]:
         """The columns of these observations, one row for each component observed."""

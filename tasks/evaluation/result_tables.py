@@ -35,6 +35,7 @@ from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_
 from tasks.tables.geometry import box_around
 from tasks.tables.names import Names
 from tasks.tables.parquet import write_row_groups
+from tasks.tables.places import places_of
 from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS, OBJECT_POINTS
 from tasks.tables.stage_table import write_stage_table
 
@@ -67,7 +68,12 @@ class AdjustedBlock:
         """Cofactors that, times σ0², are covariances; they include the errors of considered parameters."""
         return with_considered(self.result.cofactor, self.sigma0)
 
-    @property
+    @cached_property
+    def surveyed_point(self) -> Ints:
+        """(k,) object point of each control and check point; −1 if it is not in the block."""
+        return places_of(self.surveyed.name, self.block.points)
+
+    @cached_property
     def rays_used(self) -> Ints:
         """(m,) number of image points that each object point kept."""
         group = self.result.groups[0]

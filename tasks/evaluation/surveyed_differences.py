@@ -36,7 +36,7 @@ def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:
 def surveyed_differences(adjusted: AdjustedBlock, is_check: bool) -> pd.DataFrame:
     """Columns of control_residuals, with ``status``, or check_points for the points that were measured."""
     surveyed, result = adjusted.surveyed, adjusted.result
-    index = places_of(surveyed.name, adjusted.block.points)
+    index = adjusted.surveyed_point
     chosen = np.flatnonzero((index >= 0) & (surveyed.is_check == is_check))
     chosen = chosen[result.active_point[index[chosen]]]
     points = index[chosen]

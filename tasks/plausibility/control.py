@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, Ints
 from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
 from tasks.errors import InputError
 from tasks.plain_text import some_of
 from tasks.plausibility.declared_accuracy import ExpectedIntersections
-from tasks.tables.places import places_of
 
 # A common difference is a matter of the datum when it exceeds this many times its own scatter.
 _COMMON_SCATTER = 5.0
@@ -46,24 +45,24 @@ class ControlDifferences:
 
     point: tuple[str, ...]
     enu: Floats
-    rays: Floats
+    rays: Ints
     is_check: Bools
 
 
 def control_differences(
-    surveyed: SurveyedPoints, frame: AdjustmentFrame, intersected: pd.DataFrame, x_in_local: Floats
+    surveyed: SurveyedPoints, frame: AdjustmentFrame, place: Ints, rays: Ints, x_in_local: Floats
 ) -> ControlDifferences:
     """Differences at control and check points.
 
     Parameters
     ----------
-    intersected : approximate points (point, rays) of all object points.
+    place : (k,) object point of each surveyed point; −1 without.
+    rays : (m,) number of image points of each object point.
     x_in_local : (m, 3) their intersections, NaN where there is none.
     """
-    row = places_of(surveyed.name, intersected["point"])
-    found = (row >= 0) & np.isfinite(x_in_local[row]).all(axis=1)
+    found = (place >= 0) & np.isfinite(x_in_local[place]).all(axis=1)
     index = np.flatnonzero(found)
-    computed = x_in_local[row[index]]
+    computed = x_in_local[place[index]]
     given = surveyed.x_in_local[index]
     anchor = np.where(np.isfinite(given), given, computed)
     enu = np.einsum("nji,nj->ni", frame.local_from_enu(anchor), computed - anchor)
@@ -71,8 +70,8 @@ def control_differences(
     enu[:, 2] = np.nan
     if len(index):
         enu[:, 2] = frame.height(computed) - surveyed.height[index]
-    rays = intersected["rays"].to_numpy(np.float64)[row[index]]
-    return ControlDifferences(tuple(surveyed.name[i] for i in index), enu, rays, surveyed.is_check[index])
+    names = tuple(surveyed.name[i] for i in index)
+    return ControlDifferences(names, enu, rays[place[index]], surveyed.is_check[index])
 
 
 def check_control(

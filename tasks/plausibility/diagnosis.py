@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from adjust.arrays import Bools, Floats
+from adjust.arrays import Bools, Floats, order_of_numbers
 from adjust.parameters import State
 from tasks.plausibility.declared_accuracy import TieLimits
 from tasks.plausibility.hypotheses import with_orientations_of
@@ -68,7 +68,7 @@ class TieMisses:
         length = np.hypot(found[:, 0], found[:, 1])
         several = np.bincount(rays.point, minlength=points)[rays.point] >= 2
         image, length = rays.image[several], np.where(np.isfinite(length), length, np.inf)[several]
-        order = np.argsort(image, kind="stable")
+        order = order_of_numbers(image)
         own = np.split(length[order], np.searchsorted(image[order], np.arange(1, len(delivered.given.image))))
         return np.array([np.median(one) if len(one) else 0.0 for one in own])
 

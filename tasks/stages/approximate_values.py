@@ -80,10 +80,10 @@ def write_approximate_block(
 
     found = _intersected(given, frame, measured, surveyed, checks, misaligned=misaligned)
     given = found.given
-    points_table = pd.DataFrame({"point": found.point, "rays": found.rays})
-    differences = control_differences(surveyed, frame, points_table, _intersections(found))
+    place = places_of(surveyed.name, found.point)
+    differences = control_differences(surveyed, frame, place, found.rays, _intersections(found))
     expected = expected_intersections(given, checks, found.height)
-    unmeasured, is_suspicious = _unmeasured(surveyed, found)
+    unmeasured, is_suspicious = _unmeasured(surveyed, found, place)
     suspicions = [
         # Orientations found from wrong ones fit them, and hide the mistake.
         *(alone or found.suspicions),
@@ -102,7 +102,7 @@ def write_approximate_block(
     write_points(folder, found, map_frame)
     write_boresight(folder, given)
     write_stage_table(folder, APPROXIMATE_ORIENTATIONS, oriented.table, map_frame)
-    figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, differences)}
+    figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, place, differences)}
     write_notes(folder, Notes(tuple(problems), figures, tuple(suspicions)))
 
 
@@ -248,13 +248,12 @@ def _dropped(found: Approximation) -> list[str]:
     return result
 
 
-def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> tuple[list[str], bool]:
+def _unmeasured(surveyed: SurveyedPoints, found: Approximation, place: Ints) -> tuple[list[str], bool]:
     """A sentence about control and check points that no image shows, and whether the delivery is to blame.
 
     It is where all of them are missing, or their names are spelled otherwise in the image points.
     """
-    measured = places_of(surveyed.name, found.point) >= 0
-    missing = [name for name, is_there in zip(surveyed.name, measured, strict=True) if not is_there]
+    missing = [name for name, index in zip(surveyed.name, place, strict=True) if index < 0]
     if not missing:
         return [], False
     otherwise = spelled_otherwise(missing, found.point)
@@ -266,12 +265,11 @@ def _unmeasured(surveyed: SurveyedPoints, found: Approximation) -> tuple[list[st
 
 
 def _figures(
-    found: Approximation, surveyed: SurveyedPoints, differences: ControlDifferences
+    found: Approximation, surveyed: SurveyedPoints, place: Ints, differences: ControlDifferences
 ) -> dict[str, JSON]:
     """How well the given orientations fit: residuals of tie points, differences and residuals at control."""
-    row = places_of(surveyed.name, found.point)
     is_surveyed = np.zeros(len(found.point), dtype=bool)
-    is_surveyed[row[row >= 0]] = True
+    is_surveyed[place[place >= 0]] = True
     used = found.status == USED
     ties = (used & ~is_surveyed)[found.image_points.point]
     return {
@@ -280,15 +278,15 @@ def _figures(
             {"point": name, "dx_m": float(d[0]), "dy_m": float(d[1]), "dz_m": float(d[2]), "rays": int(rays)}
             for name, d, rays in zip(differences.point, differences.enu, differences.rays, strict=True)
         ],
-        "control_reprojection_rms_px": _rms(_control_residuals(found, surveyed, row)),
+        "control_reprojection_rms_px": _rms(_control_residuals(found, surveyed, place)),
     }
 
 
-def _control_residuals(found: Approximation, surveyed: SurveyedPoints, row: Ints) -> Floats:
-    """Residuals (k, 2) px of fully surveyed points, in these rows, with the given orientations."""
-    chosen: Bools = (row >= 0) & surveyed.complete
+def _control_residuals(found: Approximation, surveyed: SurveyedPoints, place: Ints) -> Floats:
+    """Residuals (k, 2) px of fully surveyed points, at these places (k,), with the given orientations."""
+    chosen: Bools = (place >= 0) & surveyed.complete
     object_point = np.full((len(found.point), 3), np.nan)
-    object_point[row[chosen]] = surveyed.x_in_local[chosen]
+    object_point[place[chosen]] = surveyed.x_in_local[chosen]
     kept = np.isfinite(object_point[found.image_points.point]).all(axis=1)
     state = replace(found.state, object_point=np.nan_to_num(object_point))
     misclosure = found.image_points.misclosure(state)[kept]

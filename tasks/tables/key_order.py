@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from adjust.arrays import order_of_numbers
 from tasks.tables.schemas.columns import TableSchema
 
 
@@ -21,7 +22,7 @@ def order_of(table: pa.Table, schema: TableSchema) -> NDArray[np.int64]:
         If two rows have the same key.
     """
     ranks = [_rank(table[name].combine_chunks()) for name in schema.key]
-    order = np.lexsort(ranks[::-1]).astype(np.int64)
+    order = order_of_numbers(*ranks[::-1])
     same = np.ones(max(len(order) - 1, 0), dtype=bool)
     for rank in ranks:
         same &= rank[order[1:]] == rank[order[:-1]]

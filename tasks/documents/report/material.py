@@ -180,8 +180,8 @@ class Material:
     def gsd_at(self, points: pd.Series) -> Floats:
         """Ground sampling distance (n,) at named points: the median of the images that measure each."""
         gsd = dict(zip(self.oriented["image"], self.oriented["gsd_m"], strict=True))
-        rays = self.image_points[self.image_points["point"].isin(points)]
-        by_point = rays["image"].map(gsd).astype(np.float64).groupby(rays["point"]).median()
+        rays = self.image_points[places_of(self.image_points["point"], points) >= 0]
+        by_point = rays["image"].map(gsd).astype(np.float64).groupby(rays["point"].astype(str)).median()
         return np.asarray(points.map(by_point).fillna(self.gsd_m), np.float64)
 
 
