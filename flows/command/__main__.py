@@ -31,6 +31,8 @@ def _command_line() -> None:
     # Most commands end before there is garbage worth a search, and their libraries' objects stay.
     gc.set_threshold(1_000_000)
     keep_freed_memory()
+    # Threads of the linear algebra would wait for the processors that ours use, here and in what this starts.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from flows.command.main import app
 
     try:

@@ -38,6 +38,7 @@ from tasks.block.self_calibration import BlockSelfCalibration, block_self_calibr
 from tasks.block.strip_motion import require_motion
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_map
+from tasks.files.in_turn import in_turn
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.store.artifact import Artifact
 from tasks.tables.parquet import read_table
@@ -59,9 +60,11 @@ class DeliveredTables:
     @classmethod
     def of(cls, tables: Mapping[str, Artifact]) -> DeliveredTables:
         """The tables as they are stored, by the names of the attributes."""
-        return cls(
-            **{name: read_table(table, categories=name == "image_points") for name, table in tables.items()}
-        )
+
+        def of(name: str) -> pd.DataFrame:
+            return read_table(tables[name], categories=name == "image_points")
+
+        return cls(**dict(zip(tables, in_turn(of, tables, threads=2), strict=True)))
 
 
 @dataclass(frozen=True, eq=False)

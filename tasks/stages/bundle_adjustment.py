@@ -8,6 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import pandas as pd
+
 from adjust.adjustment import adjust_block
 from adjust.block import Block
 from adjust.camera.additional.selection import NOTHING
@@ -83,8 +85,7 @@ def write_adjusted_bundle(
     delivered = DeliveredTables.of(tables)
     prepared = assembled_block(delivered, MapFrame.of(project.crs, project.heights), adjustment)
     estimated = _estimated(prepared, adjustment, trust_map is not None)
-    notes = _written(folder, prepared, estimated, adjustment)
-    write_neighbouring_images(folder, estimated.adjusted, delivered.exposures)
+    notes = _written(folder, prepared, estimated, adjustment, delivered.exposures)
     if trust_map is not None:
         notes = _with_trust_map(folder, notes, estimated.adjusted, trust_map)
     write_notes(folder, notes)
@@ -136,7 +137,11 @@ def _estimated(prepared: AssembledBlock, settings: AdjustmentSettings, new_point
 
 
 def _written(
-    folder: Path, prepared: AssembledBlock, estimated: _Estimated, settings: AdjustmentSettings
+    folder: Path,
+    prepared: AssembledBlock,
+    estimated: _Estimated,
+    settings: AdjustmentSettings,
+    exposures: pd.DataFrame,
 ) -> Notes:
     """Write the tables; returns the figures, and what looks wrong with the lever arms."""
     adjusted, rays = estimated.adjusted, prepared.observations.image_points
@@ -147,6 +152,7 @@ def _written(
             beside.submit(write_residual_autocorrelation, folder, adjusted.block, rays, adjusted.result),
             beside.submit(write_object_points, folder, adjusted),
             beside.submit(write_exterior_orientations, folder, adjusted),
+            beside.submit(write_neighbouring_images, folder, adjusted, exposures),
         ]
         notes = _written_small(folder, prepared, estimated, settings)
         for table in large:

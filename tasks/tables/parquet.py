@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -183,7 +184,20 @@ def read_table(
     InstallationError
         If the file's digest differs, or it is not a table of this name in the version this program knows.
     """
-    path, schema = verified(artifact), SCHEMAS.get(artifact.name)
+    verified(artifact)
+    if categories:
+        return _last_long_table(artifact, None if columns is None else tuple(columns)).copy(deep=False)
+    return _read(artifact, categories, columns)
+
+
+@lru_cache(maxsize=1)
+def _last_long_table(artifact: Artifact, columns: tuple[str, ...] | None) -> pd.DataFrame:
+    """A table with categories, which the next stage often reads again; a copy shares its memory."""
+    return _read(artifact, True, columns)
+
+
+def _read(artifact: Artifact, categories: bool, columns: Sequence[str] | None) -> pd.DataFrame:
+    path, schema = artifact.path, SCHEMAS.get(artifact.name)
     texts = [column.name for column in schema.columns if column.type == "string"] if schema else []
     with pq.ParquetFile(path, read_dictionary=texts if categories else None) as file:
         # Threads cost more than they save where a table is small.
