@@ -126,14 +126,15 @@ class GnssPositions:
 
     def linearize(self, state: State) -> Linearization:
         """Observation equations at a state; all derivatives exact."""
-        boresight = state.system[BORESIGHT][self.camera]
-        lever_arm = state.system[LEVER_ARM][self.camera]
+        # Of the few cameras, not of each event.
+        boresight, lever_arm = state.system[BORESIGHT], state.system[LEVER_ARM]
+        inertial_from_body = rotation.from_roll_pitch_yaw(boresight)[self.camera]
+        turned_arm = rotation.cross_matrix(lever_arm) @ rotation.roll_pitch_yaw_jacobian(boresight)
         shift = state.system[GNSS_SHIFT][self.flight]
         local_from_camera = state.local_from_camera[self.event]
-        inertial_from_body = rotation.from_roll_pitch_yaw(boresight)
         camera_from_inertial = np.swapaxes(inertial_from_body @ self.body_from_camera, 1, 2)
         local_from_inertial = local_from_camera @ camera_from_inertial
-        arm_in_camera = np.einsum("nij,nj->ni", camera_from_inertial, lever_arm)
+        arm_in_camera = np.einsum("nij,nj->ni", camera_from_inertial, lever_arm[self.camera])
         arm_in_local = np.einsum("nij,nj->ni", local_from_camera, arm_in_camera)
         computed = state.projection_centre[self.event] + arm_in_local + shift
         if self.motion is not None:
@@ -141,16 +142,11 @@ class GnssPositions:
 
         enu_from_local = np.swapaxes(self.local_from_enu, 1, 2)
         of_rotation = -enu_from_local @ local_from_camera @ rotation.cross_matrix(arm_in_camera)
-        of_boresight = (
-            enu_from_local
-            @ local_from_inertial
-            @ rotation.cross_matrix(lever_arm)
-            @ rotation.roll_pitch_yaw_jacobian(boresight)
-        )
+        of_arm = enu_from_local @ local_from_inertial
         terms = (
             Term(EXTERIOR_ORIENTATION, self.event, np.concatenate([enu_from_local, of_rotation], axis=2)),
-            Term(LEVER_ARM, self.camera, enu_from_local @ local_from_inertial),
-            Term(BORESIGHT, self.camera, of_boresight),
+            Term(LEVER_ARM, self.camera, of_arm),
+            Term(BORESIGHT, self.camera, of_arm @ turned_arm[self.camera]),
             Term(GNSS_SHIFT, self.flight, enu_from_local),
             *(() if self.motion is None else _motion_terms(self.motion, self.flight, state, enu_from_local)),
         )

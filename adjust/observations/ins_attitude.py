@@ -127,8 +127,8 @@ class InsAttitudes:
         into M · exp(Dᵀ R_B T δ), a change of the boresight into M · exp(−Dᵀ E db) and one of the time offset
         into M · exp(ω dΔt), so all derivatives carry J_r⁻¹(v) and are exact.
         """
-        boresight = state.system[BORESIGHT][self.camera]
-        inertial_from_camera = rotation.from_roll_pitch_yaw(boresight) @ self.body_from_camera
+        boresight = state.system[BORESIGHT]  # of the few cameras, not of each event
+        inertial_from_camera = rotation.from_roll_pitch_yaw(boresight)[self.camera] @ self.body_from_camera
         difference = (
             np.swapaxes(self.observed, 1, 2)
             @ state.local_from_camera[self.event]
@@ -140,7 +140,7 @@ class InsAttitudes:
         of_body = inverse if turned is None else inverse @ np.swapaxes(turned, 1, 2)
         of_rotation = of_body @ inertial_from_camera
         exterior = np.concatenate([np.zeros_like(of_rotation), of_rotation], axis=2)
-        of_boresight = -of_body @ rotation.roll_pitch_yaw_jacobian(boresight)
+        of_boresight = -of_body @ rotation.roll_pitch_yaw_jacobian(boresight)[self.camera]
         terms = [
             Term(EXTERIOR_ORIENTATION, self.event, exterior),
             Term(BORESIGHT, self.camera, of_boresight),

@@ -55,20 +55,19 @@ class ParameterAlternative:
 
     def column(self, group: ObservationGroup, equations: Linearization, _: slice, /) -> Floats | None:
         """The derivatives with respect to the parameter, of the observations of these events."""
-        terms = [term for term in equations.terms if term.block == self.family]
-        if not terms:
-            return None
-        column = np.zeros_like(equations.misclosure)
-        found = False
-        for term in terms:
+        column = None
+        for term in equations.terms:
+            if term.block != self.family:
+                continue
             touched = (
                 np.ones(len(term.index), dtype=bool) if self.entity is None else term.index == self.entity
             )
             if self.events is not None:
                 touched &= self.events[group.event] & (group.event >= 0)
-            column += np.where(touched[:, None], term.jacobian[:, :, self.component], 0.0)
-            found |= bool(touched.any())
-        return column if found else None
+            if touched.any():
+                own = np.where(touched[:, None], term.jacobian[:, :, self.component], 0.0)
+                column = own if column is None else column + own
+        return column
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ Everything that would make the adjustment wrong or impossible is looked for here
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,36 +75,54 @@ def write_approximate_block(
     oriented = found_orientations(delivered, mounted, measured, surveyed_table, given_distances, map_frame)
     own = measured_exposures(delivered, camera_table, measured)
     given, frame, unoriented = oriented_images(delivered, camera_table, measured, map_frame, oriented.table)
-    measured = measured[~measured["image"].isin(unoriented)]
+    if unoriented:
+        measured = measured[~measured["image"].isin(unoriented)]
     surveyed = surveyed_points(surveyed_table, map_frame, frame)
-    problems = [*oriented.remarks, *([_unoriented(unoriented)] if unoriented else [])]
-
     found = _intersected(given, frame, measured, surveyed, checks, misaligned=misaligned)
-    given = found.given
+    # The largest table is written next to the checks.
+    with ThreadPoolExecutor(1) as beside:
+        points = beside.submit(write_points, folder, found, map_frame)
+        write_images(folder, found, own[own["image"].isin(unoriented)])
+        write_boresight(folder, found.given)
+        write_stage_table(folder, APPROXIMATE_ORIENTATIONS, oriented.table, map_frame)
+        notes = _checked(found, surveyed, surveyed_table, map_frame, checks, alone)
+        of_distances = check_distances(given_distances, found.point, found.x_in_local)
+        points.result()
+    of_orientations = (*oriented.remarks, *([_unoriented(unoriented)] if unoriented else []))
+    write_notes(folder, replace(notes, problems=(*of_orientations, *notes.problems, *of_distances)))
+
+
+def _checked(
+    found: Approximation,
+    surveyed: SurveyedPoints,
+    surveyed_table: pd.DataFrame,
+    map_frame: MapFrame,
+    checks: ChecksSettings,
+    alone: tuple[str, ...],
+) -> Notes:
+    """What the given orientations and the control say about each other.
+
+    Parameters
+    ----------
+    alone : suspicions of the orientations that were given, where others were found from them.
+    """
+    given, frame = found.given, found.frame
     place = places_of(surveyed.name, found.point)
     differences = control_differences(surveyed, frame, place, found.rays, _intersections(found))
     expected = expected_intersections(given, checks, found.height)
     unmeasured, is_suspicious = _unmeasured(surveyed, found, place)
-    suspicions = [
+    suspicions = (
         # Orientations found from wrong ones fit them, and hide the mistake.
         *(alone or found.suspicions),
         *(unmeasured if is_suspicious else []),
         *check_control(differences, surveyed_table, map_frame, frame, expected),
         *check_flight_direction(given.only(given.position_observed & given.attitude_observed)),
-    ]
-    problems += suspicions
-    problems += found.remarks
-    problems += check_distances(given_distances, found.point, found.x_in_local)
+    )
     # The adjustment joins images to events, and would refuse what the doctor has not seen.
     exposure_events(given)
-    problems += _dropped(found) + ([] if is_suspicious else unmeasured)
-
-    write_images(folder, found, own[own["image"].isin(unoriented)])
-    write_points(folder, found, map_frame)
-    write_boresight(folder, given)
-    write_stage_table(folder, APPROXIMATE_ORIENTATIONS, oriented.table, map_frame)
+    problems = (*suspicions, *found.remarks, *_dropped(found), *([] if is_suspicious else unmeasured))
     figures: dict[str, JSON] = {"given_orientations": _figures(found, surveyed, place, differences)}
-    write_notes(folder, Notes(tuple(problems), figures, tuple(suspicions)))
+    return Notes(problems, figures, suspicions)
 
 
 def _checked_alone(

@@ -13,21 +13,12 @@ from tasks.document_kit.chart import BAR, LEFT, RIGHT, TOP, bars, chart
 from tasks.document_kit.legend import Swatch
 from tasks.document_kit.table import Column, Row, Table, numbers, text_column
 from tasks.documents.report.material import IMAGE_POINTS, Material
-from tasks.quantities import group_words, observation_group
+from tasks.quantities import group_words
 
 _LIMIT = 5.0
 _BINS = 50
 #: |w| beyond which residuals are counted.
 LEVELS = (1.96, 2.58, 3.29, 4.13)
-
-
-def standardized(material: Material, group: str) -> Floats:
-    """Standardized residuals (n,) of the controlled observations of a group that were used."""
-    table = material.residuals
-    names = [name for name in table["group"].unique() if observation_group(str(name)) == group]
-    own = table["standardized"][table["group"].isin(names) & (table["status"] == "used")]
-    values: Floats = own.dropna().to_numpy(np.float64)
-    return values
 
 
 def histogram(values: Floats) -> tuple[Floats, int]:
@@ -39,7 +30,7 @@ def histogram(values: Floats) -> tuple[Floats, int]:
 
 def histogram_plot(material: Material) -> Markup:
     """Bars of the image residuals with the curves N(0, 1) and N(0, s²), s the standard deviation of w."""
-    values = standardized(material, IMAGE_POINTS)
+    values = material.standardized[IMAGE_POINTS]
     counts, beyond = histogram(values)
     width = 2.0 * _LIMIT / _BINS
     spread = float(np.sqrt(np.mean(values**2))) if len(values) else 1.0
@@ -81,8 +72,7 @@ def standardized_table(material: Material) -> Table:
         *(Column(f"beyond_{level}", f"|w| > {level}", "%") for level in LEVELS),
     )
     rows = []
-    for name in dict.fromkeys(observation_group(str(name)) for name in material.residuals["group"].unique()):
-        values = standardized(material, name)
+    for name, values in material.standardized.items():
         size = np.abs(values)
         if len(values) == 0:
             continue

@@ -16,6 +16,7 @@ from tasks.block.strip_names import strip_names
 from tasks.deliveries.cameras import frame_cameras
 from tasks.documents.report.surveyed_differences import with_ratios
 from tasks.files.in_turn import in_turn
+from tasks.quantities import observation_group
 from tasks.results.figures import AdjustmentFigures, figures_of
 from tasks.results.summary import Summary, summary_of
 from tasks.settings.project import Project
@@ -162,6 +163,17 @@ class Material:
         if not all(_are_same(own[column], self.image_points[column]) for column in ("image", "point")):
             raise ValueError("residuals.parquet and image_points.parquet have other image points")
         return own
+
+    @cached_property
+    def standardized(self) -> dict[str, Floats]:
+        """Standardized residuals (n,) of the controlled observations that were used, of each group."""
+        number, names = pd.factorize(self.residuals["group"])
+        of_name = [observation_group(str(name)) for name in names]
+        groups = list(dict.fromkeys(of_name))
+        number = np.array([groups.index(group) for group in of_name], dtype=np.int64)[number]
+        values = self.residuals["standardized"].to_numpy(np.float64)
+        tested = (self.residuals["status"] == "used").to_numpy() & np.isfinite(values)
+        return {group: values[tested & (number == k)] for k, group in enumerate(groups)}
 
     def differences(self, is_check: bool) -> pd.DataFrame:
         """The table of control or check points with the columns that ``with_ratios`` adds."""

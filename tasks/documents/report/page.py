@@ -185,9 +185,7 @@ def _plots(material: Material, found: Sequence[causes.Cause]) -> list[Plot]:
         "block": block_map.block_map(material, found),
         "orientations": orientation_precision.orientation_plot(material),
         "heights": point_precision.height_precision_map(material) if len(material.object_points) else None,
-        "histogram": histogram.histogram_plot(material)
-        if len(histogram.standardized(material, IMAGE_POINTS))
-        else None,
+        "histogram": histogram.histogram_plot(material) if len(material.standardized[IMAGE_POINTS]) else None,
         "residual-correlation": residual_correlation.correlation_plot(material),
         "correlations": correlations.correlation_plot(material),
         "datum": datum.datum_plot(material),
