@@ -61,7 +61,8 @@ def main(file: str) -> None:
     """Measure the problem in a file and print what :class:`Record` wants to know."""
     keep_freed_memory()  # as every process of aerocal
     block, observations = block_of(Problem.read(Path(file)))
-    options = AdjustmentOptions(new_points=True, threads=available_threads())
+    # As `aerocal run` adjusts without settings: gross errors are searched.
+    options = AdjustmentOptions(critical_value=4.13, new_points=True, threads=available_threads())
     seconds: dict[str, float] = {}
 
     def timed(name: str, work: Callable[[], _Result]) -> _Result:
