@@ -57,7 +57,7 @@ def order_of_numbers(*keys: Ints) -> Ints:
     from scipy.sparse import csr_array
 
     n = len(keys[0])
-    order = np.arange(n)
+    order: Ints = np.arange(n)
     for key in keys:
         own, count = key[order], int(key.max(initial=-1)) + 1
         if count > _SPARSE * n:

@@ -52,6 +52,16 @@ def gather(whole, at, result, first):
 
 
 @kernel
+def subtract_at(vectors, exposures, columns, part):
+    """Subtract a part (e, 6, k) from some exposures (e,) and columns (k,) of vectors (n, 6, c)."""
+    for e in range(exposures.shape[0]):
+        for i in range(6):
+            row = vectors[exposures[e], i]
+            for t in range(columns.shape[0]):
+                row[columns[t]] -= part[e, i, t]
+
+
+@kernel
 def disassemble(inverse, chosen, lower, upper, transposed, images, scale, blocks):
     """The opposite of :func:`assemble`: write the places of the chosen blocks in the inverse to blocks."""
     for k in range(chosen.shape[0]):

@@ -100,7 +100,7 @@ class HelmertFactor:
             found[np.ix_(used, used)] += y.T @ y
             moved = factor.below @ y
             images = 6 * len(rest)
-            rhs[np.ix_(rest, axes, used)] -= moved[:images].reshape(len(rest), 6, len(used))
+            front_kernel.subtract_at(rhs, rest, used, moved[:images].reshape(len(rest), 6, len(used)))
             of_border[:, used] -= moved[images:]
         own = self.analysis.fronts[-1].images
         y = np.concatenate([rhs[own].reshape(6 * len(own), count), of_border])
