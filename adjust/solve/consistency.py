@@ -1,6 +1,11 @@
-"""Whether observations are of the block they are to be adjusted with.
+"""Whether observations are of the block they are to be adjusted with, and their equations theirs.
 
-The kernels do not look whether an index is in range; they would read foreign memory.
+The kernels do not look whether an index is in range; they would read foreign memory. A wrong shape would be
+broadcast, a wrong index be that of another unknown.
+
+Derivatives are compared with numerical differences. The unknowns of one kind move together, each by a part of
+the step that is its own, so that a derivative with respect to a wrong one shows. A step too small leaves
+rounding, one too large what is not linear; wrong derivatives differ at every size.
 """
 
 from __future__ import annotations
@@ -9,18 +14,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adjust.arrays import Ints, require_shape
+from adjust.arrays import Floats, Ints, require_shape
 from adjust.block import Block
 from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.errors import InconsistentBlockError
-from adjust.observations.base import ObservationGroup
+from adjust.observations.base import JoinsPoints, Linearization, ObservationGroup, Term
 from adjust.observations.direct import DirectObservations
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
-from adjust.parameters import ADDITIONAL_PARAMETERS
-from adjust.solve.consistent_equations import refuse_wrong_equations
+from adjust.parameters import (
+    ADDITIONAL_PARAMETERS,
+    EXTERIOR_ORIENTATION,
+    OBJECT_POINT,
+    ParameterLayout,
+    State,
+)
 from adjust.solve.joined_points import joined_points
+from adjust.unknown_names import unknown_name
 
 if TYPE_CHECKING:
     from adjust.solve.system import Observations
@@ -29,6 +40,9 @@ if TYPE_CHECKING:
 _MOST_HALF_FORMATS = 10.0
 # Focal lengths of less or more half formats (a field of view of a quarter of a degree) are in another unit.
 _FOCAL_LENGTHS = 0.01, 500.0
+# Part of the standard deviation by which an observation changes, powers of ten by which that is multiplied,
+# and the part of the derivatives that may be wrong.
+_STEP, _SIZES, _TOLERANCE = 0.01, (0, 2, -2, 4, -4, 6, -6, 8), 0.01
 
 
 def refuse_others_than(block: Block, observations: Observations) -> None:
@@ -63,7 +77,7 @@ def refuse_others_than(block: Block, observations: Observations) -> None:
             _refuse_outside(name, family.entity_kind, group.entity, entities[family.name])
         # Types of this package refuse arrays of other shapes, and its tests know their derivatives.
         if not type(group).__module__.startswith("adjust."):
-            refuse_wrong_equations(block, block.approximate_state(), group)
+            _refuse_wrong_equations(block, block.approximate_state(), group)
 
 
 def _refuse_no_group(group: object) -> None:
@@ -154,3 +168,142 @@ def _refuse_outside(group: str, kind: str, index: Ints, count: int, least: int =
         raise InconsistentBlockError(
             f"An observation of {group} has an index of its {kind} outside 0 … {count - 1}."
         )
+
+
+def _refuse_wrong_equations(block: Block, state: State, group: ObservationGroup) -> None:
+    """Refuse a group whose equations at the approximate values are not those of its observations.
+
+    Raises
+    ------
+    InconsistentBlockError : with the group, and what is wrong.
+    UnknownNameError : a term is of a kind of unknowns that the block does not have.
+    """
+    name, shape = group.name, (len(group.point), len(group.components))
+    require_shape(f"{name}: the array of weights", group.stochastic.present.shape, shape)
+    equations = group.linearize(state)
+    require_shape(f"{name}: the array of misclosures", np.shape(equations.misclosure), shape)
+    if not np.isfinite(equations.misclosure[group.stochastic.present]).all():
+        raise InconsistentBlockError(f"{name}: a misclosure is not finite at the approximate values.")
+    if not equations.terms:
+        raise InconsistentBlockError(f"{name}: its equations have no terms, so they depend on no unknown.")
+    for term in equations.terms:
+        _refuse_wrong_term(block, state, name, shape, term)
+    _refuse_other_points(group, equations)
+    refuse_wrong_derivatives(block.layout, state, group, equations)
+
+
+def _refuse_wrong_term(block: Block, state: State, name: str, shape: tuple[int, int], term: Term) -> None:
+    sizes = {EXTERIOR_ORIENTATION: (len(block.events), 6), OBJECT_POINT: (len(block.points), 3)}
+    sizes |= {family: (values.shape[0], values.shape[1]) for family, values in state.system.items()}
+    if term.block not in sizes:
+        raise unknown_name(f"kind of unknowns, of which {name} has a term,", term.block, sizes)
+    entities, parameters = sizes[term.block]
+    what = f"{name}: the array of derivatives with respect to {term.block}"
+    require_shape(f"{name}: the array of indices of {term.block}", np.shape(term.index), shape[:1])
+    require_shape(what, np.shape(term.jacobian), (*shape, parameters))
+    if not np.isfinite(term.jacobian).all():
+        raise InconsistentBlockError(f"{what} is not finite at the approximate values.")
+    # An observation without one, such as a position of no strip, has the index −1 and no derivative.
+    nothing = (term.index == -1) & ~term.jacobian.any(axis=(1, 2))
+    if not (nothing | ((term.index >= 0) & (term.index < entities))).all():
+        raise InconsistentBlockError(f"{name}: an index of {term.block} is outside 0 … {entities - 1}.")
+
+
+def _refuse_other_points(group: ObservationGroup, equations: Linearization) -> None:
+    """Which object points an observation is of decides what is determined, and what is left out with them."""
+    found = [term.index for term in equations.terms if term.block == OBJECT_POINT]
+    stated = [group.point]
+    if isinstance(group, JoinsPoints):
+        stated.append(group.other_point)
+        if len(group.components) > 1 or group.stochastic.over_time is not None:
+            raise InconsistentBlockError(
+                f"{group.name}: observations that join two object points have one component each, and errors "
+                "independent of each other. Make an observation of every component."
+            )
+    elif not found and (group.point < 0).all():
+        return
+    if len(found) != len(stated) or not all(map(np.array_equal, found, stated)):
+        raise InconsistentBlockError(
+            f"{group.name}: the object points of its terms must be those that it states as `point`. Where an "
+            "observation of one component joins two, it states the second as `other_point`, and the terms "
+            "come in this order."
+        )
+
+
+def refuse_wrong_derivatives(
+    layout: ParameterLayout, state: State, group: ObservationGroup, equations: Linearization
+) -> None:
+    """Refuse a group whose derivatives are wrong by more than a hundredth at every size of the step.
+
+    Parameters
+    ----------
+    equations : of the group at the state.
+
+    Raises
+    ------
+    InconsistentBlockError : with the kind of unknowns, and by how much.
+    """
+    random = np.random.default_rng(35)
+    for kind in dict.fromkeys(term.block for term in equations.terms):
+        terms = tuple(term for term in equations.terms if term.block == kind)
+        direction = _direction(layout, kind, random) * _step(group, terms)
+        wrong = np.inf
+        for power in _SIZES:
+            wrong = min(wrong, _wrong_part(layout, state, group, terms, direction * 10.0**power))
+            if wrong <= _TOLERANCE:
+                break
+        else:
+            raise InconsistentBlockError(
+                f"{group.name}: the derivatives with respect to {kind} are not those of the misclosures; "
+                f"numerical differences differ from them by {100.0 * wrong:.3g} %. Derivatives are of the "
+                "computed values: those of the misclosures with the opposite sign."
+            )
+
+
+def _step(group: ObservationGroup, terms: tuple[Term, ...]) -> Floats:
+    """(d,) that changes no observation by more than a hundredth of its standard deviation."""
+    sigma = np.where(group.stochastic.present, group.stochastic.sigma, np.inf)[:, :, None]
+    largest = np.max([np.max(np.abs(t.jacobian) / sigma, axis=(0, 1), initial=0.0) for t in terms], axis=0)
+    return np.asarray(np.divide(_STEP, largest, out=np.zeros_like(largest), where=largest > 0.0))
+
+
+def _wrong_part(
+    layout: ParameterLayout, state: State, group: ObservationGroup, terms: tuple[Term, ...], change: Floats
+) -> float:
+    """Largest difference between numerical and given change, relative to the sum of the given parts."""
+    expected, size = np.zeros((2, *group.stochastic.present.shape))
+    for term in terms:
+        parts = term.jacobian * change[term.index][:, None, :]
+        expected += parts.sum(axis=2)
+        size += np.abs(parts).sum(axis=2)
+    before, after = (
+        group.linearize(_moved(layout, state, terms[0].block, sign * change)).misclosure for sign in (-1, 1)
+    )
+    used = group.stochastic.present
+    size = np.where(used, size, 0.0)
+    # What hardly depends on these unknowns has derivatives of rounding errors.
+    size += _TOLERANCE * size.max(axis=0, initial=0.0)
+    error = np.abs(0.5 * (before - after) - expected)[used] / size[used]
+    return float(np.max(np.where(np.isfinite(error), error, np.inf), initial=0.0))
+
+
+def _moved(layout: ParameterLayout, state: State, kind: str, change: Floats) -> State:
+    exposures, border = np.zeros((layout.events, 6)), np.zeros(layout.border)
+    points = np.zeros((layout.points, 3))
+    if kind == EXTERIOR_ORIENTATION:
+        exposures = change
+    elif kind == OBJECT_POINT:
+        points = change
+    else:
+        free = layout.columns[kind] >= 0
+        border[layout.columns[kind][free]] = change[free]
+    return layout.update(state, exposures, border, points)
+
+
+def _direction(layout: ParameterLayout, kind: str, random: np.random.Generator) -> Floats:
+    """Of every unknown of a kind another part of the step, in either direction; zero of what is held."""
+    free = np.ones((layout.events, 6) if kind == EXTERIOR_ORIENTATION else (layout.points, 3), dtype=bool)
+    if kind in layout.columns:
+        free = layout.columns[kind] >= 0
+    size = random.uniform(0.5, 1.0, free.shape) * random.choice([-1.0, 1.0], free.shape)
+    return np.where(free, size, 0.0)

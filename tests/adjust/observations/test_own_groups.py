@@ -15,7 +15,7 @@ from adjust.errors import AdjustmentError
 from adjust.observations.base import Linearization, StochasticModel, Term
 from adjust.parameters import OBJECT_POINT, State, Unit
 from adjust.result import ObservationStatus
-from adjust.solve.derivative_check import refuse_wrong_derivatives
+from adjust.solve.consistency import refuse_wrong_derivatives
 from adjust.solve.design_matrix import design_matrix, full_cofactor, redundancy_numbers
 from adjust.solve.system import Observations, System
 from tests.adjust.scenes import Scene, two_strips
