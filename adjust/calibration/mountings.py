@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy import special
@@ -28,13 +29,18 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.clusters import split_in_two
 from adjust.calibration.joint_strips import JointStrips
-from adjust.calibration.orientation_differences import MISALIGNMENT
+from adjust.calibration.orientation_differences import LEVER_ARM, MISALIGNMENT, SHIFT
 from adjust.calibration.outlying_strips import LEAST_STRIPS, outlying_strips
-from adjust.calibration.stable_offsets import TestedAxes, stable_offsets, tested_axes
 from adjust.calibration.strip_comparison import StripComparison
 from adjust.calibration.strip_means import StripMeans
+from adjust.calibration.strip_offsets import body_fixed, linear_fit, map_fixed
+
+TestedAxes: TypeAlias = Literal["body", "map"]
 
 _ROUNDS = 5
+# Of the fit that leaves the offsets of the strips, and its weights.
+_FIT_ROUNDS = 50
+_HUBER_LIMIT = 1.5
 # Roll, pitch, yaw, and forward and right together.
 _TESTS = 4
 _SEARCHES = 4
@@ -119,7 +125,7 @@ def _confirmed(
 
 def _searched(strips: StripMeans, rule: MountingRule) -> Mountings:
     """The mountings by the scatter of the strips."""
-    axes = tested_axes(strips)
+    axes = _tested_axes(strips)
     count = len(strips.strip)
     single = np.zeros(count, dtype=bool)
     if count < LEAST_STRIPS:
@@ -148,7 +154,7 @@ def _left(strips: StripMeans, part: Ints, single: Bools, axes: TestedAxes) -> Fl
         left[own] -= angles[own & ~single].mean(axis=0) if (own & ~single).any() else angles.mean(axis=0)
     # About the mean of all, so that rounding is told from scatter.
     left += angles.mean(axis=0)
-    return np.hstack([left, stable_offsets(strips, part, ~single, axes)])
+    return np.hstack([left, _stable_offsets(strips, part, ~single, axes)])
 
 
 def _of_themselves(left: Floats, outlying: Bools, rule: MountingRule) -> Bools:
@@ -205,7 +211,7 @@ def _cluster(
 ) -> Bools | None:
     """The strips (k,) of a part that are a cluster of their own, by roll, pitch, yaw, forward or right."""
     names = np.unique(part[kept])
-    offset = stable_offsets(strips, part, kept, "body")[:, :2]
+    offset = _stable_offsets(strips, part, kept, "body")[:, :2]
     values = np.hstack([strips.mean[:, MISALIGNMENT], offset])
     limits = rule.limits[[0, 1, 2, 3, 3]]
     for name in names:
@@ -260,3 +266,54 @@ def _joined(strips: StripMeans, part: Ints, kept: Bools, rule: MountingRule, pro
         _, one, other = max(alike, key=lambda item: item[0])
         part[part == other] = one
     return part
+
+
+def _tested_axes(strips: StripMeans) -> TestedAxes:
+    """The axes in which most strips agree better, whatever the others say."""
+    spreads = [_robust_spread(strips.mean[:, part][:, :2]) for part in (LEVER_ARM, SHIFT)]
+    return "map" if spreads[1] < spreads[0] else "body"
+
+
+def _stable_offsets(strips: StripMeans, part: Ints, kept: Bools, axes: TestedAxes) -> Floats:
+    """Offsets (k, 3) less what a shift of each flight and a lever arm of each mounting explain.
+
+    They are along these axes, the vertical one last and as it is. With fewer strips than unknowns, what is
+    subtracted is only the mean offset in these axes.
+
+    Parameters
+    ----------
+    part : (k,) strips of one number have one lever arm.
+    kept : (k,) the strips that say what is subtracted.
+    """
+    own = LEVER_ARM if axes == "body" else SHIFT
+    vertical = strips.mean[:, own][:, 2:]
+    count = len(part)
+    design = np.hstack([map_fixed(strips.flight), body_fixed(strips.heading, part)])
+    if design.shape[1] > count:
+        in_axes = strips.mean[:, own][:, :2]
+        return np.hstack([in_axes - in_axes[kept].mean(axis=0), vertical])
+    left = _left_by(design, strips.mean[:, SHIFT][:, :2].ravel(), kept)
+    if axes == "body":
+        left = body_fixed(strips.heading, np.arange(count)).T @ left
+    return np.hstack([left.reshape(-1, 2), vertical])
+
+
+def _robust_spread(plan: Floats) -> float:
+    """Median distance of strip means (k, 2) from their median."""
+    return float(np.median(np.linalg.norm(plan - np.median(plan, axis=0), axis=1)))
+
+
+def _left_by(design: Floats, offset: Floats, kept: Bools) -> Floats:
+    """Residuals (2 k,) of a fit to the strips that are kept, with Huber's weights."""
+    weight = kept.astype(np.float64)
+    left = offset
+    for _ in range(_FIT_ROUNDS):
+        root = np.repeat(np.sqrt(weight), 2)
+        fitted = linear_fit(design * root[:, None], offset * root)
+        before, left = left, offset - design @ fitted.solution
+        distance = np.linalg.norm(left.reshape(-1, 2), axis=1)
+        limit = _HUBER_LIMIT * max(float(np.median(distance[kept])), 1e-12)
+        weight = kept * limit / np.maximum(distance, limit)
+        if np.abs(left - before).max() < 1e-9:
+            break
+    return np.asarray(left)
