@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adjust.georeferencing.correlated_noise import correlated_noise
+from adjust.georeferencing.direct_orientation import correlated_noise
 from adjust.georeferencing.space_intersection import point_errors
 from adjust.observations.base import StochasticModel
 from adjust.observations.gauss_markov import GaussMarkov
