@@ -10,8 +10,8 @@ from adjust.arrays import Bools, Floats, Ints
 from adjust.parameters import ParameterLayout
 from adjust.quality import cofactor_kernel
 from adjust.quality.considered_errors import ConsideredErrors
-from adjust.quality.correction_errors import CorrectionErrors
 from adjust.quality.joint_cofactor import joint_cofactors
+from adjust.quality.unknown_errors import CorrectionErrors
 from adjust.solve.border_columns_kernel import TILE
 from adjust.solve.factorization import ReducedCofactor
 from adjust.solve.full_vectors import FullVectors, joined

@@ -22,8 +22,7 @@ from adjust.observations.base import ObservationGroup
 from adjust.quality import correlation_time
 from adjust.quality.considered_errors import ConsideredErrors
 from adjust.quality.observation_parts import Part
-from adjust.quality.residual_operator import ResidualOperator
-from adjust.quality.residual_operator_of_others import ResidualOperatorOfOthers
+from adjust.quality.residual_operator import ResidualOperator, ResidualOperatorOfOthers
 from adjust.solve.gauss_newton import Solution
 from adjust.solve.system import System
 

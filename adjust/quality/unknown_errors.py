@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from adjust.arrays import Floats
+from adjust.arrays import Floats, Ints
 from adjust.observations.base import Linearization
+from adjust.observations.image_point import ImagePoints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, ParameterLayout
 from adjust.solve.full_vectors import FullVectors
 from adjust.solve.gauss_newton import Solution
@@ -56,3 +57,24 @@ def errors_of_families(layout: ParameterLayout, of_border: Floats) -> dict[str, 
         free = columns >= 0
         errors[name][free] = of_border[columns[free]]
     return errors
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectionErrors(UnknownErrors):
+    """What k independent errors of unit variance in the corrections of image coordinates change.
+
+    Attributes
+    ----------
+    at : errors (r, 2, k) of the corrections themselves, metres, at image points (r, 2) of images (r,).
+    sigma : standard deviation that systematic errors of the image coordinates are taken to have, metres, of
+        each set of images; None for one without corrections.
+    parts : into how many, along each side, the sub-areas of each set were divided to see errors within them.
+    """
+
+    at: Callable[[Ints, Floats], Floats]
+    sigma: Sequence[float | None]
+    parts: Sequence[int | None]
+
+    def of_rays(self, rays: ImagePoints, equations: Linearization) -> Floats:
+        """Errors (n, 2, k) of computed − corrected image coordinates, metres; equations not whitened."""
+        return self.of_computed(equations) - self.at(rays.image, rays.xy)

@@ -29,8 +29,7 @@ from adjust.least_squares import Adjusted
 from adjust.observations.control_point import ControlPoints
 from adjust.one_thread import one_thread
 from adjust.quality.control_checks import k_fold, leave_one_out
-from adjust.quality.correction_errors import CorrectionErrors
-from adjust.quality.unknown_errors import errors_of_families, in_datum
+from adjust.quality.unknown_errors import CorrectionErrors, errors_of_families, in_datum
 from adjust.residual_grid.controlled_residuals import controlled
 from adjust.residual_grid.format_cells import FormatCells, Interpolation
 from adjust.residual_grid.image_correction import CorrectionField

@@ -24,9 +24,9 @@ from adjust.parameters import (
     State,
 )
 from adjust.quality.considered_errors import ConsideredErrors
-from adjust.quality.correction_errors import CorrectionErrors
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.quality.picture_cofactor import reduced_to_pictures
+from adjust.quality.unknown_errors import CorrectionErrors
 from adjust.result import AdjustmentResult
 from adjust.solve.covisibility import Covisibility
 from adjust.solve.factorization import Factorization, ReducedCofactor

@@ -16,7 +16,7 @@ from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION
 from adjust.quality.control_checks import ControlCheck
-from adjust.quality.correction_errors import CorrectionErrors
+from adjust.quality.unknown_errors import CorrectionErrors
 from adjust.residual_grid import mean_response as mean_response_module
 from adjust.residual_grid import remaining_errors as remaining_errors_module
 from adjust.residual_grid.controlled_residuals import controlled

@@ -22,9 +22,8 @@ from adjust.parameters import (
     ConsideredParameters,
     ParameterPlace,
 )
-from adjust.quality.correction_errors import CorrectionErrors
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
-from adjust.quality.unknown_errors import errors_of_families
+from adjust.quality.unknown_errors import CorrectionErrors, errors_of_families
 from adjust.result import AdjustmentResult
 from adjust.solve.design_matrix import design_matrix, full_normals
 from adjust.solve.full_vectors import FullVectors
