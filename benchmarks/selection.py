@@ -20,7 +20,7 @@ from adjust.camera.additional.register import AdditionalParameters, additional_p
 from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.options import AdjustmentOptions
 from adjust.parameters import SystemParameters, additional_family
-from adjust.selection.elimination_rules import PRESETS
+from adjust.selection.elimination import PRESETS
 from adjust.selection.parameter_selection import SelectedAdjustment, adjust_with_selection
 from adjust.simulate.block import simulate_block
 from adjust.solve.system import Observations

@@ -22,8 +22,7 @@ from adjust.options import AdjustmentOptions
 from adjust.parameters import ADDITIONAL_PARAMETERS, ParameterLayout, State
 from adjust.quality.rejection import Rejection
 from adjust.result import AdjustmentResult
-from adjust.selection.elimination import Elimination, eliminate
-from adjust.selection.elimination_rules import EliminationRules
+from adjust.selection.elimination import Elimination, EliminationRules, eliminate
 from adjust.selection.linear_estimate import LinearEstimate
 from adjust.selection.parameter_normals import (
     changes_from_given,

@@ -17,8 +17,7 @@ from adjust.errors import AdjustmentError, DatumDefectError
 from adjust.model_tests import examined_model
 from adjust.options import AdjustmentOptions
 from adjust.result import AdjustmentResult
-from adjust.selection.elimination import Elimination
-from adjust.selection.elimination_rules import PRESETS
+from adjust.selection.elimination import PRESETS, Elimination
 from adjust.selection.parameter_selection import SelectedAdjustment, adjust_with_selection
 from adjust.solve.gauss_newton import Iteration
 from adjust.solve.system import Observations

@@ -15,8 +15,7 @@ from adjust.parameters import ADDITIONAL_PARAMETERS, INTERIOR_ORIENTATION
 from adjust.result import AdjustmentResult
 from adjust.selection.correlation import correlation_matrix, total_correlation
 from adjust.selection.determinability import PRIOR_ONLY, part_of_prior, undetermined
-from adjust.selection.elimination import Action, Criterion, eliminate
-from adjust.selection.elimination_rules import DEFAULT, PRESETS
+from adjust.selection.elimination import DEFAULT, PRESETS, Action, Criterion, eliminate
 from adjust.selection.linear_estimate import LinearEstimate
 from adjust.selection.parameter_normals import normals_of_result
 from adjust.selection.parameter_selection import adjust_with_selection, columns_of

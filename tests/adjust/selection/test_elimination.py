@@ -9,8 +9,16 @@ from hypothesis import strategies as st
 
 from adjust.arrays import Bools, Floats
 from adjust.selection.correlation import correlation_matrix
-from adjust.selection.elimination import Action, Criterion, eliminate
-from adjust.selection.elimination_rules import BLUH, DEFAULT, DMC_CERTIFICATE, PRESETS, EliminationRules
+from adjust.selection.elimination import (
+    BLUH,
+    DEFAULT,
+    DMC_CERTIFICATE,
+    PRESETS,
+    Action,
+    Criterion,
+    EliminationRules,
+    eliminate,
+)
 from adjust.selection.linear_estimate import LinearEstimate
 from adjust.selection.significance import entering_t_values, t_values
 from tests.adjust.calibration.designs import Design, random_design

@@ -18,8 +18,7 @@ from adjust.parameters import (
     SystemParameters,
     additional_family,
 )
-from adjust.selection.elimination import Criterion
-from adjust.selection.elimination_rules import DEFAULT
+from adjust.selection.elimination import DEFAULT, Criterion
 from adjust.selection.parameter_selection import adjust_with_selection, columns_of
 from tests.adjust.scenes import Polynomials, Scene, two_strips
 
