@@ -20,10 +20,33 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.camera.additional.base import Column, ImageFormat, Term
-from adjust.camera.additional.bluh_normalised import NormalisedPoints
 
+#: Of normalised image coordinates, in which all parts but the corners are defined.
+LARGEST_RADIUS = 162.6  # mm, √2 · 115: the corner of a photograph of 23 cm
 _RADIAL_ZERO_SQUARED = 128.0**2  # published as 16384
 _WAVE_NUMBER_10 = np.pi / 64.0  # published as 0.049087, and twice that for 11: 6e-5 rad apart at r = 162.6
+
+
+def normalised_millimetre(image_format: ImageFormat) -> float:
+    """One normalised millimetre on the image, metres: half the diagonal of the format / 162.6."""
+    return float(np.hypot(image_format.half_x, image_format.half_y)) / LARGEST_RADIUS
+
+
+class NormalisedPoints:
+    """Image points in normalised coordinates, calibration axes.
+
+    Attributes
+    ----------
+    x, y : (n,) normalised millimetres.
+    x_metres, y_metres : (n,) the same on the image.
+    metres : one normalised millimetre on the image.
+    """
+
+    def __init__(self, xy: Floats, image_format: ImageFormat) -> None:
+        self.x_metres, self.y_metres = np.ascontiguousarray(xy.T)
+        self.metres = normalised_millimetre(image_format)
+        self.x, self.y = self.x_metres / self.metres, self.y_metres / self.metres
+
 
 TERMS = (
     Term("1", "angular affinity", "1", "published"),

@@ -24,7 +24,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.camera.additional.base import Column, ImageFormat, Term
-from adjust.camera.additional.bluh_normalised import NormalisedPoints
+from adjust.camera.additional.bluh_general import NormalisedPoints
 
 # Centre of a head's image in the virtual image of the DMC, 92.16 mm × 165.888 mm, as a part of half the side:
 # ±22.54 mm and ±38.9 mm from the table of the camera's platform calibration.

@@ -32,7 +32,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.camera.additional.base import Column, ImageFormat, Perspective, Term, Tiles
-from adjust.camera.additional.bluh_normalised import normalised_millimetre
+from adjust.camera.additional.bluh_general import normalised_millimetre
 from adjust.errors import AdditionalParametersError
 
 _CCD_X, _CCD_Y = 24e-3, 36e-3

@@ -8,7 +8,7 @@ import pytest
 from adjust.arrays import Floats
 from adjust.camera.additional import bluh
 from adjust.camera.additional.base import ImageFormat
-from adjust.camera.additional.bluh_normalised import normalised_millimetre
+from adjust.camera.additional.bluh_general import normalised_millimetre
 from adjust.camera.additional.effect import effects
 from adjust.camera.additional.register import additional_parameters
 

@@ -10,7 +10,7 @@ import pytest
 from adjust.arrays import Floats
 from adjust.camera.additional import bluh
 from adjust.camera.additional.base import ImageFormat, Perspective, Tiles
-from adjust.camera.additional.bluh_normalised import normalised_millimetre
+from adjust.camera.additional.bluh_general import normalised_millimetre
 from adjust.camera.additional.bluh_tiles import tiles_of
 from adjust.camera.additional.register import additional_parameters
 from adjust.errors import AdditionalParametersError
