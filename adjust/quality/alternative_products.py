@@ -12,10 +12,10 @@ from typing import Protocol
 import numpy as np
 
 from adjust.arrays import Floats, Ints
+from adjust.compiled import kernel
 from adjust.observations.base import Linearization, ObservationGroup, Term
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import EXTERIOR_ORIENTATION, OBJECT_POINT, State
-from adjust.quality.model_alternatives_kernel import add_products
 from adjust.solve.full_vectors import SparseVectors
 from adjust.solve.system import System
 from adjust.solve.whitening import whiten
@@ -73,11 +73,11 @@ class Products:
                 index, jacobian = map(np.ascontiguousarray, (term.index, term.jacobian))
                 rays = isinstance(group, ImagePoints)
                 sums, places = self._sums_of_rays(numbers) if rays else (self.load.of_exposures, numbers)
-                add_products(index, jacobian, whitened, places, sums)
+                _add_products(index, jacobian, whitened, places, sums)
             elif term.block == OBJECT_POINT:
                 self.load = load = self.load.with_points_of(numbers)
                 index, jacobian = map(np.ascontiguousarray, (term.index, term.jacobian))
-                add_products(index, jacobian, whitened, load.places_of(numbers), load.of_points)
+                _add_products(index, jacobian, whitened, load.places_of(numbers), load.of_points)
             else:
                 places = self.layout.columns[term.block]
                 if np.any(places >= 0):
@@ -135,7 +135,7 @@ def _summed(term: Term, columns: Floats) -> tuple[Ints, Floats]:
     """The entities (e,) that one term touches, and Aᵀ C (e, d, k) of it with columns (k, n, m)."""
     touched, row = np.unique(term.index, return_inverse=True)
     result = np.zeros((len(touched), term.jacobian.shape[2], len(columns)))
-    add_products(row, np.ascontiguousarray(term.jacobian), columns, np.arange(len(columns)), result)
+    _add_products(row, np.ascontiguousarray(term.jacobian), columns, np.arange(len(columns)), result)
     return touched, result
 
 
@@ -149,3 +149,27 @@ def _present(group: ObservationGroup, equations: Linearization) -> Linearization
         for one in equations.terms
     )
     return Linearization(np.where(present, equations.misclosure, 0.0), terms)
+
+
+@kernel
+def _add_products(index: Ints, jacobian: Floats, columns: Floats, numbers: Ints, result: Floats) -> None:
+    """Add Aᵀ C of n observations to the unknowns they touch.
+
+    index (n,) which; jacobian (n, m, d); columns (k, n, m) with their numbers (k,) in result
+    (count, d, ·), which is changed.
+    """
+    n, m, d = jacobian.shape
+    k = columns.shape[0]
+    # Unsigned: a number that might be negative would be looked at for every product.
+    place, mine = numbers.astype(np.uintp), np.empty((m, k))
+    for i in range(n):
+        for c in range(m):
+            for t in range(k):
+                mine[c, t] = columns[t, i, c]
+        for j in range(d):
+            sums = result[index[i], j]
+            for c in range(m):
+                derivative = jacobian[i, c, j]
+                if derivative != 0.0:
+                    for t in range(k):
+                        sums[place[t]] += derivative * mine[c, t]

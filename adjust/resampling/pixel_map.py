@@ -17,7 +17,7 @@ from typing import TypeAlias
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints
-from adjust.resampling.map_kernel import map_positions
+from adjust.resampling.resampling_kernel import map_positions
 
 #: Positions (n, 2) in the source of positions (n, 2) in the image; NaN where there is none.
 SourceOf: TypeAlias = Callable[[Floats], Floats]

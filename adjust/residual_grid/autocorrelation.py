@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adjust.arrays import Bools, Floats, Ints, order_of_numbers
-from adjust.residual_grid import autocorrelation_kernel
+from adjust.compiled import kernel
 from adjust.residual_grid.residual_grid import root_mean_square
 
 #: Upper limits of the classes of distance, metres.
@@ -68,9 +68,7 @@ def autocorrelation(
     residual : NaN for a coordinate that is not used.
     """
     order, start = _grouped(image)
-    count, total = autocorrelation_kernel.sums_of_products(
-        start, xy[order], residual[order], np.array(distances) ** 2
-    )
+    count, total = _sums_of_products(start, xy[order], residual[order], np.array(distances) ** 2)
     sigma = root_mean_square(residual[order])
     present = (
         np.add.reduceat(np.isfinite(residual[order]), start[:-1], axis=0) if len(order) else np.zeros((1, 2))
@@ -94,3 +92,39 @@ def _grouped(image: Ints) -> tuple[Ints, Ints]:
     rows = [order[first[i] : first[i] + count[i] : step[i]] for i in images]
     start = np.concatenate([[0], np.cumsum([len(part) for part in rows])]).astype(np.int64)
     return (np.concatenate(rows) if rows else order), start
+
+
+@kernel
+def _sums_of_products(start: Ints, xy: Floats, residual: Floats, limits: Floats) -> tuple[Ints, Floats]:
+    """Pairs (b, 2) in every class of distance, and the sums (b, 2) of the products of their residuals.
+
+    start : (images + 1,) where the image points of each image begin.
+    residual : (n, 2), NaN for a coordinate that is not used.
+    limits : (b,) squares of the upper limits of the classes, ascending.
+    """
+    classes = limits.shape[0]
+    # The last row, of pairs that are too far apart, is dropped: most branches here would be guessed wrongly.
+    count = np.zeros((classes + 1, 2), np.int64)
+    total = np.zeros((classes + 1, 2))
+    farthest = limits[classes - 1]
+    for image in range(start.shape[0] - 1):
+        # From left to right, so that most pairs that are too far apart are never looked at.
+        order = start[image] + np.argsort(xy[start[image] : start[image + 1], 0])
+        x, y, vx, vy = xy[order, 0], xy[order, 1], residual[order, 0], residual[order, 1]
+        for a in range(len(order)):
+            for b in range(a + 1, len(order)):
+                dx, dy = x[a] - x[b], y[a] - y[b]
+                if dx * dx >= farthest:
+                    break
+                square, k = dx * dx + dy * dy, 0
+                for limit in limits:
+                    k += square >= limit
+                product = vx[a] * vx[b]
+                if product == product:
+                    count[k, 0] += 1
+                    total[k, 0] += product
+                product = vy[a] * vy[b]
+                if product == product:
+                    count[k, 1] += 1
+                    total[k, 1] += product
+    return count[:classes], total[:classes]

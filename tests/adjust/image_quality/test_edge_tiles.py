@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adjust.arrays import Floats
-from adjust.image_quality.edge_tiles_kernel import tile_sums, window_edges
+from adjust.image_quality.edge_finder import tile_sums, window_edges
 
 TILE, TILES = 8, 3
 THRESHOLD = 3.0
