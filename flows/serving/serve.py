@@ -23,9 +23,8 @@ from zoneinfo import ZoneInfo
 
 from flows.server.api import Api
 from flows.server.child import Child, Lifeline, Requests, Say, Supervised, requests_to_end
-from flows.server.database_claim import only_server_of
+from flows.server.claims import claimed, only_server_of
 from flows.server.inbox import MANUAL
-from flows.server.inbox_claim import claimed
 from flows.server.prefect_settings import prepare_prefect, require_server, server_address
 from flows.server.server_process import (
     CLIENT_PASSWORD,

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from flows.server.database_claim import only_server_of
+from flows.server.claims import only_server_of
 from tasks.files.installation import InstallationError
 from tasks.production.records import Records
 from tests.conftest import Start
@@ -18,7 +18,7 @@ from tests.postgresql_server import PASSWORD, PostgresqlServer
 
 HOLDING = (
     "import sys; from tasks.production.records import Records\n"
-    "from flows.server.database_claim import only_server_of\n"
+    "from flows.server.claims import only_server_of\n"
     "with only_server_of(Records.at(sys.argv[1])):\n    print(flush=True); input()"
 )
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from flows.server.inbox_claim import claimed
+from flows.server.claims import claimed
 from tasks.files.installation import InstallationError
 from tests.conftest import Start
 
 HOLDING = (
-    "import sys; from pathlib import Path; from flows.server.inbox_claim import claimed\n"
+    "import sys; from pathlib import Path; from flows.server.claims import claimed\n"
     "with claimed(Path(sys.argv[1])):\n    print(flush=True); input()"
 )
 

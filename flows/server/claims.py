@@ -1,11 +1,16 @@
-"""A database belongs to one server: a second one would remove the schedules of the first."""
+"""A database and an inbox belong to one server.
+
+A second one would remove the schedules of the first, and with records of its own, run every delivery again.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from sqlalchemy import Connection, text
 
@@ -13,11 +18,14 @@ from tasks.database.errors import in_words
 from tasks.files.installation import InstallationError
 from tasks.files.machine import machine
 from tasks.production.records import Records
+from tasks.store.run_lock import lock_if_free
 
 #: How long a server that is ending is waited for, s.
 _LOOK_S = 2.0
+#: In the inbox.
+_LOCK_FILE = ".aerocal.lock"
 #: Any two numbers, the same in every process.
-_LOCK = {"kind": 0x6165726F, "lock": 0x73657276}
+_LOCK_NUMBERS = {"kind": 0x6165726F, "lock": 0x73657276}
 _TRY = text("SELECT pg_try_advisory_lock(:kind, :lock)")
 _HOLDER = text(
     "SELECT application_name FROM pg_stat_activity JOIN pg_locks USING (pid) "
@@ -46,7 +54,7 @@ def only_server_of(records: Records) -> Iterator[None]:
         connection = records.engine.connect().execution_options(isolation_level="AUTOCOMMIT")
     try:
         with in_words(records.address):
-            _hold(connection, records)
+            _hold_database(connection, records)
         yield
     finally:
         # Not handed back first, which fails if the database was restarted since.
@@ -54,18 +62,67 @@ def only_server_of(records: Records) -> Iterator[None]:
         connection.close()
 
 
-def _hold(connection: Connection, records: Records) -> None:
+def _hold_database(connection: Connection, records: Records) -> None:
     # For the message to others; longer names are cut.
     ours = {"application_name": f"{machine()}, process {os.getpid()}"[-63:]}
     for name, value in (ours | _KEEPALIVE).items():
         connection.execute(text("SELECT set_config(:name, :value, false)"), {"name": name, "value": value})
     until = time.monotonic() + _LOOK_S
-    while not connection.execute(_TRY, _LOCK).scalar():
+    while not connection.execute(_TRY, _LOCK_NUMBERS).scalar():
         if time.monotonic() > until:
-            holder = connection.execute(_HOLDER, _LOCK).scalar() or "unknown"
+            holder = connection.execute(_HOLDER, _LOCK_NUMBERS).scalar() or "unknown"
             raise InstallationError(
                 f"Another server uses the database {records.address} ({holder}).",
                 "Stop it first, or give this one another --database. More runs at the same time: --limit, "
                 "aerocal runner.",
             )
         time.sleep(0.1)
+
+
+@contextmanager
+def claimed(inbox: Path | None) -> Iterator[None]:
+    """Hold an inbox while the context lasts, if there is one.
+
+    The lock is the operating system's and ends with the process. An inbox in which nothing can be written, or
+    whose file system has no locks, is not held.
+
+    Raises
+    ------
+    InstallationError
+        If another server holds it.
+    """
+    handle = None if inbox is None else _opened(inbox)
+    if inbox is None or handle is None:
+        yield
+        return
+    try:
+        _hold_inbox(handle, inbox)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _opened(inbox: Path) -> int | None:
+    try:
+        return os.open(inbox / _LOCK_FILE, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+    except OSError:
+        return None
+
+
+def _hold_inbox(handle: int, inbox: Path) -> None:
+    until = time.monotonic() + _LOOK_S
+    try:
+        while not lock_if_free(handle):
+            if time.monotonic() > until:
+                holder = os.pread(handle, 200, 0).decode(errors="replace").strip() or "unknown"
+                raise InstallationError(
+                    f"Another server takes its deliveries from the inbox {inbox} ({holder}).",
+                    "Stop it first, or give this one another --inbox. More runs at the same time: --limit, "
+                    "aerocal runner.",
+                )
+            time.sleep(0.02)
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, f"{machine()}, process {os.getpid()}\n".encode(), 0)
+    except OSError as error:
+        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP):
+            raise
