@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flows.command.exit_code import end_with
+from flows.command.exit_code import DONE, end_with
 from flows.command.options import FOLDER
 
 
@@ -29,6 +29,23 @@ def figures(
 
     [bold]Exit codes[/bold]  0 done · 2 no report found
     """
-    from flows.command.figure_export import write_figures
-
     end_with(lambda: write_figures(results, out if out is not None else results / "figures"))
+
+
+def write_figures(results: Path, out: Path) -> int:
+    """Write the figures of the report in a folder of results; without a report InputError is raised."""
+    from rich.text import Text
+
+    from flows.command.screen_table import screen
+    from tasks.documents.report.export import export_figures
+    from tasks.files.delivered_file import require_folder
+    from tasks.object_storage.address import output_folder
+    from tasks.stages.report import REPORT
+
+    folder = output_folder(str(out))
+    require_folder(folder)
+    files = export_figures(results / REPORT, folder)
+    console = screen()
+    console.print(Text("\n".join(file.name for file in files)))
+    console.print(Text(f"{len(files)} figures are in {out}."), soft_wrap=True)
+    return DONE

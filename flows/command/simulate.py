@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flows.command.exit_code import end_with
+from flows.command.exit_code import DONE, end_with
 from flows.command.options import FOLDER, Seed, SpecificationOverrides
 
 
@@ -69,6 +69,24 @@ def simulate(
 
     [bold]Exit codes[/bold]  0 done · 2 wrong specification
     """
-    from flows.command.simulation import write_simulation
+    end_with(lambda: _write_simulation(source, out, tuple(overrides or ()), seed))
 
-    end_with(lambda: write_simulation(source, out, tuple(overrides or ()), seed))
+
+def _write_simulation(source: str, out: Path, overrides: tuple[str, ...], seed: int | None) -> int:
+    from rich.text import Text
+
+    from flows.command.screen_table import screen
+    from tasks.object_storage.address import output_folder
+    from tasks.settings.load_simulation import load_simulation
+    from tasks.simulation.simulate import simulate_project
+
+    files = simulate_project(load_simulation(source, overrides, seed), output_folder(str(out)))
+    console = screen()
+    counts = (
+        f"{files.images:,} images, {files.points:,} object points, {files.image_points:,} image points, "
+        f"{files.control} control and {files.check} check points"
+    )
+    console.print(Text(counts))
+    console.print(Text(f"The project is {files.project_file}; its truth is in {out / 'truth'}."))
+    console.print(Text(f"Adjust it with: aerocal run {files.project_file}"), soft_wrap=True)
+    return DONE

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flows.command.exit_code import end_with
+from flows.command.exit_code import DONE, end_with
 from flows.command.options import FOLDER
 
 
@@ -50,6 +51,35 @@ def undistort(
 
     [bold]Exit codes[/bold]  0 written · 2 wrong input · 1 rasterio is not installed, or no space
     """
-    from flows.command.undistort_execution import write_undistorted
+    end_with(lambda: _write_undistorted(results, images, out, camera, resampling))
 
-    end_with(lambda: write_undistorted(results, images, out, camera, resampling))
+
+def _write_undistorted(
+    results: Path, images: list[Path], out: Path | None, camera: str | None, resampling: str
+) -> int:
+    """Show the progress on a terminal, and what was written."""
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    from flows.command.progress import show_progress
+    from flows.command.screen_table import screen
+    from tasks.handover.undistorted.undistort import undistort as write_undistorted
+
+    console = show_progress()
+    line = Progress(
+        TextColumn("{task.description}"), BarColumn(30), TaskProgressColumn(), TimeRemainingColumn(),
+        console=console, transient=True, redirect_stdout=False, redirect_stderr=False,
+        disable=not (sys.stderr.isatty() and console.is_interactive),
+    )  # fmt: skip
+    with line:
+        task = line.add_task("", total=1.0)
+        written = write_undistorted(
+            results, images, out, camera, resampling,
+            lambda file, done: line.update(task, description=file, completed=done),
+        )  # fmt: skip
+    shown = screen()
+    shown.print(Text(written.statement))
+    count = f"{len(written.files)} image{'s' if len(written.files) > 1 else ''}"
+    where = f"{count}, cameras.csv and UNDISTORTED.txt are in {written.folder}."
+    shown.print(Text(where), soft_wrap=True)
+    return DONE

@@ -13,7 +13,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from flows.command.extras import EXTRA_OF
+from flows.command.exit_code import EXTRA_OF
 from tests.conftest import REPOSITORY
 from tests.flows.conftest import write_block
 

@@ -14,7 +14,7 @@ import pytest
 
 from adjust.camera.additional.base import ImageFormat
 from adjust.camera.additional.register import AdditionalParameters, additional_parameters
-from flows.command.figure_export import write_figures
+from flows.command.figures import write_figures
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.aerial_triangulation import aerial_triangulation
 from tasks.documents.report.self_calibration import MOST_ROWS
