@@ -14,11 +14,17 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.datum_change import Transfer
 from tasks.coordinates.geoid_grid import refuse_damaged_geoid
 from tasks.deliveries.exposures import turned_sigmas
-from tasks.deliveries.extra_columns import about_extra, joined
 from tasks.deliveries.file_statement import about_stated_heights, refuse_other_statement
 from tasks.deliveries.length_units import control_in_metres
 from tasks.deliveries.plan_position import refuse_outside_area, refuse_without_image
-from tasks.deliveries.source_rows import METRES, Places, about_missing_sigmas, refuse_sigmas
+from tasks.deliveries.source_rows import (
+    METRES,
+    Places,
+    about_extra,
+    about_missing_sigmas,
+    joined,
+    refuse_sigmas,
+)
 from tasks.errors import Location
 from tasks.formats.records import ControlRecords
 from tasks.formats.register import read_control

@@ -10,8 +10,7 @@ import pyarrow as pa
 
 from adjust.arrays import Floats
 from tasks.deliveries.control import roles_of_rows
-from tasks.deliveries.extra_columns import about_extra, joined
-from tasks.deliveries.source_rows import METRES, Places, SigmaRange, refuse_sigmas
+from tasks.deliveries.source_rows import METRES, Places, SigmaRange, about_extra, joined, refuse_sigmas
 from tasks.formats.records import DistanceRecords
 from tasks.formats.register import DISTANCE_FORMATS
 from tasks.settings.inputs import DistancesInput

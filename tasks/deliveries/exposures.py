@@ -29,13 +29,20 @@ from tasks.deliveries.exposure_angles import (
     refuse_impossible_angles,
     unit_suspicion,
 )
-from tasks.deliveries.extra_columns import about_extra, joined
 from tasks.deliveries.file_statement import about_stated_heights, refuse_other_statement
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.length_units import exposures_in_metres
 from tasks.deliveries.map_adjustment import true_orientations
 from tasks.deliveries.plan_position import about_map_as_local, refuse_outside_area, refuse_without_image
-from tasks.deliveries.source_rows import METRES, Places, SigmaRange, about_missing_sigmas, refuse_sigmas
+from tasks.deliveries.source_rows import (
+    METRES,
+    Places,
+    SigmaRange,
+    about_extra,
+    about_missing_sigmas,
+    joined,
+    refuse_sigmas,
+)
 from tasks.deliveries.trajectory import exposures_of_trajectory
 from tasks.deliveries.trajectory_path import TrajectoryPath
 from tasks.formats.records import ExposureRecords

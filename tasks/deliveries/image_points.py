@@ -20,13 +20,12 @@ from numpy.typing import NDArray
 from adjust.arrays import Bools
 from adjust.camera.interior import FrameCamera
 from tasks.deliveries.cameras import frame_cameras
-from tasks.deliveries.extra_columns import about_extra
 from tasks.deliveries.image_names import with_image_names
 from tasks.deliveries.image_point_rows import ImagePointRows, rays_of_points
 from tasks.deliveries.image_point_units import in_format, unit_mm
 from tasks.deliveries.measured_points import Codes, MeasuredFile, MeasuredPoints, blocks, counted
 from tasks.deliveries.points_in_images import look_through
-from tasks.deliveries.source_rows import Places, SigmaRange, refuse_sigmas, sigmas_missing
+from tasks.deliveries.source_rows import Places, SigmaRange, about_extra, refuse_sigmas, sigmas_missing
 from tasks.errors import InputError, Location
 from tasks.formats.joined_names import joined_names
 from tasks.formats.records import ImagePointRecords

@@ -1,17 +1,21 @@
-"""Rows from several files with the place each came from, and the checks that need these places."""
+"""Rows from several files: the place each came from, the checks that need it, and further columns.
+
+Further columns of input files are kept as text and reported.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from tasks.errors import InputError
-from tasks.formats.records import Lines
+from tasks.formats.records import ControlRecords, DistanceRecords, ExposureRecords, ImagePointRecords, Lines
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,3 +170,23 @@ def sigmas_missing(file: Path, without: int, rows: int, default: str) -> str:
         f"{file.name}: {which}; {default} of the project file is used for what is missing. "
         "Fill it in if this is not intended."
     )
+
+
+def joined(extras: Sequence[Mapping[str, pa.Array]], rows: Sequence[int]) -> dict[str, pa.Array]:
+    """One column for each name, file after file; null where a file does not have it."""
+    names = dict.fromkeys(name for extra in extras for name in extra)
+    return {
+        name: pa.concat_arrays(
+            [extra.get(name, pa.nulls(count, pa.string())) for extra, count in zip(extras, rows, strict=True)]
+        )
+        for name in names
+    }
+
+
+def about_extra(
+    records: Sequence[ImagePointRecords | ExposureRecords | ControlRecords | DistanceRecords],
+) -> Iterator[str]:
+    """A sentence for each file with further columns."""
+    for record in records:
+        if record.extra:
+            yield f"{record.file.name}: kept as text, and not used: {', '.join(record.extra)}."
