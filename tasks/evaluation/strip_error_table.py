@@ -15,7 +15,7 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
-from tasks.tables.schemas.two_step import STRIP_ERRORS
+from tasks.tables.schemas.calibration import STRIP_ERRORS
 from tasks.tables.stage_table import write_stage_table
 
 COMPONENTS = ("roll", "pitch", "yaw", "east", "north", "up")

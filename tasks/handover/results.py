@@ -37,8 +37,7 @@ from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS, OBJECT_POINTS
 from tasks.tables.schemas.columns import TableSchema
-from tasks.tables.schemas.deliveries import CAMERAS, EXPOSURES, IMAGE_POINTS, IMAGES
-from tasks.tables.schemas.film import FILM_ORIENTATIONS
+from tasks.tables.schemas.deliveries import CAMERAS, EXPOSURES, FILM_ORIENTATIONS, IMAGE_POINTS, IMAGES
 from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
 from tasks.tables.schemas.residual_grid import RESIDUAL_GRID
 

@@ -13,8 +13,7 @@ from tasks.settings.inputs import ImagePointsInput
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.schemas.deliveries import IMAGE_POINTS
-from tasks.tables.schemas.film import FILM_ORIENTATIONS
+from tasks.tables.schemas.deliveries import FILM_ORIENTATIONS, IMAGE_POINTS
 
 
 @stored("film_orientations")

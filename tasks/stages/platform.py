@@ -16,7 +16,7 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table
-from tasks.tables.schemas.platform import PLATFORM, VIRTUAL_IMAGE
+from tasks.tables.schemas.calibration import PLATFORM, VIRTUAL_IMAGE
 from tasks.tables.stage_table import write_stage_table
 
 _ANGLES = ("omega", "phi", "kappa")

@@ -30,7 +30,7 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.tables.parquet import read_table
-from tasks.tables.schemas.two_step import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
+from tasks.tables.schemas.calibration import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
 from tasks.tables.stage_table import write_stage_table
 
 

@@ -4,33 +4,29 @@ from __future__ import annotations
 
 from tasks.tables.schemas import (
     adjustment,
+    calibration,
     deliveries,
-    film,
     georeferencing,
     image_quality,
     model_tests,
     parameters,
-    platform,
     residual_grid,
     sweep,
     trust_map,
-    two_step,
 )
 from tasks.tables.schemas.columns import TableSchema
 
 _SUBJECTS = (
     deliveries,
-    film,
     adjustment,
     parameters,
     model_tests,
-    two_step,
+    calibration,
     sweep,
     residual_grid,
     trust_map,
     georeferencing,
     image_quality,
-    platform,
 )
 
 #: Every table of every subject.
