@@ -15,9 +15,8 @@ from adjust.arrays import Floats
 from tasks.coordinates.wgs84 import geodetic_on_wgs84
 from tasks.errors import InputError
 from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.footprint import footprints
+from tasks.handover.footprint import counted_on, counter_clockwise, footprints, geojson_polygon
 from tasks.handover.formats.numbers import in_angles
-from tasks.handover.formats.rings import counted_on, counter_clockwise, geojson_polygon
 
 _KML_DECIMALS, _HEIGHT_DECIMALS = 8, 3
 # Zip files have no time before it; one of now would make two files of the same block differ.

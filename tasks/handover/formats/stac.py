@@ -17,9 +17,8 @@ from tasks.coordinates.wgs84 import geodetic_on_wgs84
 from tasks.errors import InputError
 from tasks.files.json_text import from_json
 from tasks.handover.delivery import Angles, Delivery, Files
-from tasks.handover.footprint import footprints
+from tasks.handover.footprint import box, footprints, geojson_polygon
 from tasks.handover.formats.numbers import ANGLES, METRES, ROTATION, in_angles
-from tasks.handover.formats.rings import box, geojson_polygon
 from tasks.handover.formats.short_names import stem, uri_of
 
 _EXTENSION = "https://stac-extensions.github.io/perspective-imagery/v1.0.0/schema.json"
