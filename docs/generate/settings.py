@@ -26,8 +26,7 @@ from tasks.settings.certificate import CertificateSettings, Laboratory, Signator
 from tasks.settings.coordinates import Angles, Heights, LinearAlteration
 from tasks.settings.deliver import DeliverSettings
 from tasks.settings.direct_georeferencing import CalibrationInput, DirectGeoreferencingSettings
-from tasks.settings.image_motion import MotionSettings
-from tasks.settings.image_quality import ImageQualitySettings
+from tasks.settings.image_quality import ExposureLevel, ImageQualitySettings, MotionSettings, SensorSettings
 from tasks.settings.inputs import (
     ControlInput,
     DeliveredFlight,
@@ -43,7 +42,6 @@ from tasks.settings.project import Project, ProjectSettings
 from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
 from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.settings.self_calibration import SelfCalibrationSettings
-from tasks.settings.sensor_quality import ExposureLevel, SensorSettings
 from tasks.settings.statement import StatementSettings
 from tasks.settings.sweep import BlockSelection, ControlScenario, SweepSettings
 from tasks.settings.table_layout import StripRule, TableSettings

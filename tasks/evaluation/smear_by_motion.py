@@ -16,7 +16,7 @@ from adjust.image_quality.smear import PROBABILITY
 from tasks.deliveries.cameras import frame_cameras
 from tasks.errors import InputError
 from tasks.nearest_name import did_you_mean
-from tasks.settings.image_motion import MotionSettings
+from tasks.settings.image_quality import MotionSettings
 from tasks.tables.schemas.image_quality import SMEAR_MOTION
 
 _RATES = ["rate_roll_deg_s", "rate_pitch_deg_s", "rate_yaw_deg_s"]

@@ -18,7 +18,7 @@ from tasks.errors import InputError, Location
 from tasks.files.json_text import JSON, attributes
 from tasks.image_files.image_reader import described
 from tasks.image_quality.flat_images import FlatImages, flat_images, middle_levels, middle_means
-from tasks.settings.sensor_quality import PROTOCOL, SensorSettings
+from tasks.settings.image_quality import PROTOCOL, SensorSettings
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.schemas.image_quality import (
     APERTURE,

@@ -1,4 +1,4 @@
-"""Settings of image quality: which images are examined, and what is known of them."""
+"""Settings of image quality: which images are examined, what is known of them, and limits of the protocol."""
 
 from __future__ import annotations
 
@@ -6,19 +6,98 @@ from datetime import date
 from math import hypot
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from tasks.plain_text import LONGEST_NAME
 from tasks.settings.base import InputPath, InputPaths, Settings, trouble
 from tasks.settings.camera_identity import CameraIdentity
-from tasks.settings.coordinates import Positive, Real, Whole
-from tasks.settings.image_motion import MotionSettings
-from tasks.settings.sensor_quality import SensorSettings
+from tasks.settings.coordinates import NotNegative, Positive, Real, Whole, one_table_or_several
 
+#: Most defect pixels, single and double columns of the two kinds of sensors: certificate of a DMC (2010).
+PROTOCOL = {"pan": (1000, 50, 4), "multispectral": (36, 1, 0)}
 #: Length of an edge at least, px.
 SHORTEST_EDGE = 20
 #: What is read of the results of an earlier date.
 EARLIER = "manifest.json"
+
+
+class MotionSettings(Settings):
+    """Exposure time and compensation; rates and velocities are those of the exposures of the project."""
+
+    exposure_ms: Positive
+    """Exposure time of the images, ms."""
+    sigma_exposure_ms: NotNegative = 0.0
+    """Its standard deviation, ms."""
+    forward_motion: bool
+    """Whether the images hold the movement of the flight: `false` for a camera that compensates it (time
+    delay integration, moved sensor).
+    """
+    height_above_ground_m: Positive | None = None
+    """Mean height above the ground, m; needed where the forward motion is seen."""
+    sigma_rate_deg_s: Positive = 0.01
+    """Standard deviation of the angular velocities of the exposures, °/s."""
+
+    @model_validator(mode="after")
+    def _height_for_forward_motion(self) -> MotionSettings:
+        if self.forward_motion and self.height_above_ground_m is None:
+            raise trouble(
+                "The forward motion is seen, and the height above the ground is not given.",
+                "Give height_above_ground_m.",
+            )
+        return self
+
+
+class ExposureLevel(Settings):
+    """Images with the same illumination and exposure."""
+
+    exposure_ms: NotNegative
+    """Exposure time, ms."""
+    images: Annotated[tuple[InputPath, InputPath], Field()]
+    """Two images, whose difference is noise alone."""
+
+
+class SensorSettings(Settings):
+    """Images of a sensor without a scene, and the limits they must meet."""
+
+    kind: Literal["pan", "multispectral"]
+    """Whose limits apply: panchromatic sensors may have 1000 defect pixels, 50 single and 4 double columns,
+    multispectral ones 36, 1 and 0.
+    """
+    bright: InputPaths = ()
+    """Flat images at about half the range."""
+    dark: InputPaths = ()
+    """Images without light."""
+    bright_limit: Positive = 0.3
+    """Deviation from its neighbours in bright images above which a pixel is defect."""
+    dark_limit: Positive | None = None
+    """The same in dark images, grey values. Default: 1 % of the largest grey value of the files; required
+    where the sensor has fewer bits (12 of 16), or the files hold floating point.
+    """
+    column_pixels: Annotated[Whole, Field(ge=1)] = 12
+    """Defect pixels that a column may have without being defective."""
+    column_distance: Annotated[Whole, Field(ge=1)] = 3
+    """Minimum distance of defect columns, columns."""
+    series: Annotated[tuple[ExposureLevel, ...], BeforeValidator(one_table_or_several)] = ()
+    """Exposure series, for linearity, sensitivity and photon transfer."""
+    linearity_limit: Positive = 0.01
+    """Largest residual of linearity that passes, as a fraction of the largest signal."""
+    transfer_limit: Positive = 0.05
+    """Largest residual of photon transfer that passes, as a fraction of the variance."""
+    sensitivity_limit: Positive = 0.01
+    """Largest relative σ of the sensitivity that passes."""
+    aperture_limit: Positive = 0.02
+    """Largest deviation of a cell of the format from the smooth fall-off of light that passes, as a fraction.
+    """
+
+    @model_validator(mode="after")
+    def _complete(self) -> SensorSettings:
+        if not (self.bright or self.dark or self.series):
+            raise trouble("There is no image of the sensor.", "Name bright or dark images, or a series.")
+        if self.series and not self.dark:
+            raise trouble("A series requires the dark level.", "Also name dark images.")
+        if self.series and len(self.series) < 3:
+            raise trouble("A series of fewer than three exposures is not sufficient.", "Add further levels.")
+        return self
 
 
 class EarlierResults(Settings):

@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tasks.files.json_text import JSON
-from tasks.settings.image_motion import MotionSettings
-from tasks.settings.image_quality import EarlierResults, ImageQualitySettings
-from tasks.settings.sensor_quality import SensorSettings
+from tasks.settings.image_quality import EarlierResults, ImageQualitySettings, MotionSettings, SensorSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored

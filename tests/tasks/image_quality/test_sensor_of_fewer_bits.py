@@ -11,7 +11,7 @@ import pytest
 from tasks.errors import InputError
 from tasks.image_quality.scenes import examined_scene
 from tasks.image_quality.sensor import examine_sensor
-from tasks.settings.sensor_quality import SensorSettings
+from tasks.settings.image_quality import SensorSettings
 from tests.adjust.image_quality.synthetic_edges import scene
 from tests.tasks.image_files.images import written
 
