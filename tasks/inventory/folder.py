@@ -20,9 +20,18 @@ from tasks.formats.register import TABLE
 from tasks.formats.trajectory_records import TrajectoryRecords
 from tasks.inventory.cameras import CameraSection, camera_sections
 from tasks.inventory.foreign_tables import layout_keys
-from tasks.inventory.place_lines import HEIGHTS, POSITION, STRIP, camera_lines, place_lines, value_range
+from tasks.inventory.project_lines import (
+    HEIGHTS,
+    POSITION,
+    STRIP,
+    camera_lines,
+    comment,
+    key_line,
+    place_lines,
+    table_line,
+    value_range,
+)
 from tasks.inventory.recognition import Content, FoundFile, recognised
-from tasks.inventory.toml_lines import comment, key_line, table_line
 from tasks.inventory.trajectory_lines import trajectory_sections, unused_parts
 from tasks.results.manifest import MANIFEST, read_manifest
 from tasks.settings.coordinates import LOCAL

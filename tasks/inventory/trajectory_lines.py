@@ -21,9 +21,17 @@ from tasks.formats.sbet import DAY_S, WEEK_S
 from tasks.formats.trajectory_records import AccuracyRecords, EventRecords, TrajectoryRecords
 from tasks.inventory.cameras import CameraSection
 from tasks.inventory.foreign_tables import layout_keys
-from tasks.inventory.place_lines import ON_EARTH, POSITION, STRIP, camera_lines, place_lines, value_range
+from tasks.inventory.project_lines import (
+    ON_EARTH,
+    POSITION,
+    STRIP,
+    camera_lines,
+    comment,
+    key_line,
+    place_lines,
+    value_range,
+)
 from tasks.inventory.recognition import Content, FoundFile
-from tasks.inventory.toml_lines import comment, key_line
 from tasks.settings.declare import open_value
 
 # More than the leap seconds between GPS time and UTC will be in the life of a file.

@@ -1,25 +1,46 @@
-"""Lines of the project file on CRS and camera of positions: of exposures, control, trajectories."""
+"""Lines of the project file: values with comments, and those on CRS and camera of positions.
+
+Positions are those of exposures, control and trajectories.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import cast
 
 import numpy as np
 import pyarrow as pa
 
+from tasks.files.toml_text import TomlValue, toml_key, toml_value
 from tasks.formats.records import FileStatement
 from tasks.inventory.cameras import CameraSection
-from tasks.inventory.toml_lines import comment, key_line
-from tasks.plain_text import quoted
+from tasks.plain_text import quoted, visible
 from tasks.settings.coordinates import LOCAL
 from tasks.settings.declare import open_value
 
+_LONGEST = 300
 #: What is asked where the file does not say it.
 HEIGHTS = "'ellipsoidal', or { geoid = 'FILE.tif' }"
 POSITION = "projection_centre, antenna or imu"
 STRIP = "'time-gaps', or { pattern = '{strip}_*' } after the names of the images"
 IN_MAP = "of x and y, e.g. 'EPSG:25832' (or 'local'); x is east and y is north"
 ON_EARTH = "the datum of longitude and latitude, e.g. 'EPSG:4258' for ETRS89"
+
+
+def key_line(key: str, value: object, why: str = "") -> str:
+    """``key = value  # why``."""
+    line = f"{toml_key(key)} = {toml_value(cast(TomlValue, value))}"
+    return f"{line}  {comment(why)}" if why else line
+
+
+def table_line(*keys: str) -> str:
+    """``[a.b]``."""
+    return f"[{'.'.join(map(toml_key, keys))}]"
+
+
+def comment(text: str) -> str:
+    """``# text``; what files say must not begin another line."""
+    return f"# {visible(text, _LONGEST)}"
 
 
 def place_lines(
