@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tasks.documents.certificate.burn_in import FILE, burn_in_content
-from tasks.documents.certificate.page import page_of
-from tasks.documents.certificate.paper import pdf_of
-from tasks.documents.certificate.twin import document_of
+from tasks.documents.certificate.documents import document_of, page_of, pdf_of
 from tasks.documents.report.material import read_material
 from tasks.files.json_text import JSON, json_text
 from tasks.image_quality.radiometric_record import digest_of

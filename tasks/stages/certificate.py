@@ -7,10 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from tasks.documents.certificate.compose import content_of
+from tasks.documents.certificate.documents import page_of, pdf_of, twin_of
 from tasks.documents.certificate.material import read_certificate_material
-from tasks.documents.certificate.page import page_of
-from tasks.documents.certificate.paper import pdf_of
-from tasks.documents.certificate.twin import twin_of
 from tasks.files.json_text import json_text
 from tasks.settings.certificate import CertificateSettings
 from tasks.settings.project import Project, ProjectSource

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from tasks.documents.certificate.page import page_of
-from tasks.documents.certificate.paper import pdf_of
-from tasks.documents.certificate.twin import document_of
+from tasks.documents.certificate.documents import document_of, page_of, pdf_of
 from tasks.documents.image_quality.certificate_content import FILE, radiometric_content, radiometric_record
 from tasks.documents.image_quality.material import read_quality
 from tasks.files.json_text import json_text

@@ -14,7 +14,7 @@ from tasks.document_kit.table import Row, Table, text_column
 from tasks.documents.certificate.content import Block, Listing, Section, Sentences, Words, beside
 from tasks.documents.certificate.material import CertificateMaterial
 from tasks.documents.georeferencing import check_tables
-from tasks.documents.georeferencing.verdict import verdict
+from tasks.documents.georeferencing.material import verdict
 from tasks.documents.report.material import Material
 from tasks.documents.report.surveyed_differences import (
     AXES,

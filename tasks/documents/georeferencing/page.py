@@ -20,8 +20,7 @@ from tasks.document_kit.map_plot import MapPlot
 from tasks.document_kit.raster import Classes
 from tasks.document_kit.templates import rendered
 from tasks.documents.georeferencing import check_tables
-from tasks.documents.georeferencing.material import CheckMaterial
-from tasks.documents.georeferencing.verdict import verdict
+from tasks.documents.georeferencing.material import CheckMaterial, verdict
 from tasks.documents.report.key_figures import gate_table
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES
 from tasks.documents.report.provenance import files_table, settings_table, versions_table

@@ -22,8 +22,13 @@ from tasks.documents.certificate.content import (
 )
 from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial, SensorMaterial
-from tasks.documents.image_quality.quality_tables import resolution_table
-from tasks.documents.image_quality.sensor_tables import column_table, pixel_table, sheet_table, transfer_table
+from tasks.documents.image_quality.quality_tables import (
+    column_table,
+    pixel_table,
+    resolution_table,
+    sheet_table,
+    transfer_table,
+)
 from tasks.files.json_text import JSON, json_text
 from tasks.image_quality.radiometric_record import (
     RadiometricQuantity,

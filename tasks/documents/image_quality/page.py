@@ -13,17 +13,15 @@ from tasks.documents.image_quality import plots
 from tasks.documents.image_quality.material import QualityMaterial, SceneMaterial
 from tasks.documents.image_quality.quality_tables import (
     change_table,
+    column_table,
     drift_table,
     mean_table,
     motion_table,
     noise_table,
-    refused_table,
-    smear_table,
-)
-from tasks.documents.image_quality.sensor_tables import (
-    column_table,
     pixel_table,
+    refused_table,
     sheet_table,
+    smear_table,
     transfer_table,
 )
 from tasks.documents.report.page import TEMPLATES as REPORT_TEMPLATES

@@ -11,10 +11,9 @@ from tasks.calibration.record import CalibratedParameter
 from tasks.document_kit.map_plot import MapPlot
 from tasks.documents.certificate.content import CorrelationMatrix, Figure, Section, Sentences
 from tasks.documents.certificate.correlation_section import strongest_table
+from tasks.documents.certificate.documents import document_of, page_of
 from tasks.documents.certificate.flight_section import BESIDE, strip_beside_its_line
-from tasks.documents.certificate.page import page_of
 from tasks.documents.certificate.parameter_section import conventions_table
-from tasks.documents.certificate.twin import document_of
 from tests.tasks.documents.certificate.conftest import (
     Calibration,
     as_json,

@@ -14,9 +14,15 @@ import pytest
 
 from tasks.documents.certificate.compose import content_of
 from tasks.documents.certificate.content import CertificateContent, Facts, short_code
-from tasks.documents.certificate.page import page_of
-from tasks.documents.certificate.paper import pdf_of, sources_of
-from tasks.documents.certificate.twin import FORMAT, VERSION, document_of, twin_of
+from tasks.documents.certificate.documents import (
+    FORMAT,
+    VERSION,
+    document_of,
+    page_of,
+    pdf_of,
+    sources_of,
+    twin_of,
+)
 from tasks.stages.certificate import write_certificate
 from tests.tasks.documents.certificate.calibrations import written
 from tests.tasks.documents.certificate.conftest import HOSTILE, Calibration, as_json, changed, tables_of

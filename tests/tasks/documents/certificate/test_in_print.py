@@ -14,9 +14,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from tasks.documents.certificate.content import CertificateContent
-from tasks.documents.certificate.page import page_of
-from tasks.documents.certificate.paper import pdf_of
-from tasks.documents.certificate.twin import document_of
+from tasks.documents.certificate.documents import document_of, page_of, pdf_of
 from tests.chromium import complaints
 from tests.tasks.documents.certificate.conftest import HOSTILE, Calibration, as_json, changed
 

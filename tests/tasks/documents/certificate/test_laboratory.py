@@ -15,13 +15,11 @@ from tasks.document_kit.table import Number, Row
 from tasks.documents.certificate.compose import content_of
 from tasks.documents.certificate.content import CertificateContent, Facts, Signatures
 from tasks.documents.certificate.coverage import coverage_of
+from tasks.documents.certificate.documents import document_of, page_of, pdf_of
 from tasks.documents.certificate.flight_section import exposure_table
 from tasks.documents.certificate.identity_section import forward_in_image, image_axes
 from tasks.documents.certificate.material import CertificateMaterial
-from tasks.documents.certificate.page import page_of
-from tasks.documents.certificate.paper import pdf_of
 from tasks.documents.certificate.quantities import has_result
-from tasks.documents.certificate.twin import document_of
 from tasks.documents.certificate.verdict_section import limit_table
 from tasks.settings.certificate import CertificateSettings, Laboratory, Signatory
 from tasks.settings.quality import AxisGate, Gates

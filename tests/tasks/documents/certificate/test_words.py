@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tasks.documents.certificate.twin import document_of
+from tasks.documents.certificate.documents import document_of
 from tasks.documents.certificate.words import in_words
 from tests.tasks.documents.certificate.conftest import Calibration, as_json, changed, with_parameter
 
