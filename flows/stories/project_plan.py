@@ -8,10 +8,9 @@ from pathlib import Path
 from flows.stories.block_preparation import prepare_block
 from tasks.block.assembled_block import DeliveredTables
 from tasks.georeferencing.registered_cameras import with_registered_cameras
+from tasks.planning.network import network_of_project, network_of_specification
 from tasks.planning.plan import CalibrationPlan, plan_calibration
-from tasks.planning.project_network import network_of_project
 from tasks.planning.request import PlanRequest
-from tasks.planning.simulated_plan import network_of_specification
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
 from tasks.settings.calibration import CalibrationSettings
 from tasks.settings.load import load_project

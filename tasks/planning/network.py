@@ -1,4 +1,8 @@
-"""The network of a project: its orientations as given, its image points and control; nothing is adjusted."""
+"""The network of a project or of a specification; nothing is measured or adjusted.
+
+A project has its orientations as given, its image points and control; a specification a flight plan with its
+terrain, control and standard deviations.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats, Ints
+from adjust.errors import InconsistentBlockError
 from adjust.planning.network import (
     PlannedControl,
     PlannedDistances,
@@ -13,6 +18,7 @@ from adjust.planning.network import (
     PlannedNetwork,
     PlannedRays,
 )
+from adjust.planning.simulated_network import simulated_network
 from tasks.block.assembled_block import BlockStart, DeliveredTables
 from tasks.block.block_input import (
     SurveyedPoints,
@@ -25,8 +31,11 @@ from tasks.block.self_calibration import image_format_of
 from tasks.block.shared_readings import heads_of_reading
 from tasks.block.strip_motion import require_motion, strip_motion
 from tasks.coordinates.crs import MapFrame
+from tasks.errors import InputError
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter
 from tasks.settings.project import ProjectSettings
+from tasks.settings.simulation import Simulation
+from tasks.simulation.simulation_input import block_specification
 
 
 def network_of_project(
@@ -112,3 +121,17 @@ def _distances(points: tuple[str, ...], table: pd.DataFrame) -> PlannedDistances
 def _control(points: tuple[str, ...], surveyed: SurveyedPoints, observed: bool) -> PlannedControl:
     kept, index = (part if observed else part[:0] for part in surveyed.control_among(points))
     return PlannedControl(index, surveyed.covariance[kept], surveyed.present[kept])
+
+
+def network_of_specification(simulation: Simulation) -> PlannedNetwork:
+    """The network that a specification would give; no measurement is simulated.
+
+    Raises
+    ------
+    InputError
+        If the settings give no block.
+    """
+    try:
+        return simulated_network(block_specification(simulation))
+    except InconsistentBlockError as error:
+        raise InputError(str(error), "Change [flight] or [points].") from error
