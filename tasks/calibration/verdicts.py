@@ -24,12 +24,12 @@ from tasks.remarks.separability import (
     HEADINGS,
     HEIGHTS,
     OBSERVATIONS,
+    correlation_sentence,
     determining,
     listed,
     percent,
     separating,
 )
-from tasks.remarks.weak_parameters import correlation_sentence
 from tasks.settings.calibration import AcceptanceLimits
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of
 

@@ -29,7 +29,7 @@ from tasks.calibration.verdicts import (
 )
 from tasks.files.json_text import JSON
 from tasks.quantities import is_calibrated, kind_of
-from tasks.remarks.weak_parameters import weak_parameter_sentences
+from tasks.remarks.separability import weak_parameter_sentences
 from tasks.results.calibration_figures import (
     CalibrationFigures,
     CalibrationVerdictFigure,

@@ -31,7 +31,7 @@ from tasks.remarks.observation_sigmas import (
     variance_sentences,
 )
 from tasks.remarks.residual_grid import residual_grid_sentences, stopped_because
-from tasks.remarks.weak_parameters import weak_parameter_sentences
+from tasks.remarks.separability import weak_parameter_sentences
 from tasks.results.figures import AdjustmentFigures, ModelFinding, figures_of
 from tasks.results.summary import Summary, summary_of_figures
 from tasks.store.artifact import Artifact

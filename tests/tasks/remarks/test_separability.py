@@ -7,8 +7,7 @@ import pytest
 
 from adjust.parameters import Quantity
 from tasks.evaluation.adjustment_figures import weak_parameters
-from tasks.remarks.separability import determining
-from tasks.remarks.weak_parameters import weak_parameter_sentences
+from tasks.remarks.separability import determining, weak_parameter_sentences
 from tasks.results.figures import WeakParameters
 
 
