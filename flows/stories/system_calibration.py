@@ -20,9 +20,8 @@ from flows.stories.two_step_calibration import (
     means_of_differences,
     two_step_calibration,
 )
-from tasks.calibration.control_alone import control_alone
 from tasks.calibration.evidence import model_refuses
-from tasks.calibration.observable import is_georeferenced, observable
+from tasks.calibration.observable import control_alone, is_georeferenced, observable
 from tasks.calibration.release import Held, Release, held_after, releases, undetermined_after
 from tasks.documents.report.provenance import computed_with
 from tasks.errors import NotComputableError

@@ -1,4 +1,7 @@
-"""What a calibration can estimate from what the project observes: without GNSS there is no GNSS shift."""
+"""What a calibration can estimate from what the project observes: without GNSS there is no GNSS shift.
+
+The first of two steps observes control points alone.
+"""
 
 from __future__ import annotations
 
@@ -46,3 +49,22 @@ def observable(project: Project) -> tuple[Project, tuple[str, ...]]:
 def is_georeferenced(project: Project) -> bool:
     """Whether exposures are observed as positions and attitudes; else they are approximate values only."""
     return {"gnss", "ins"} <= set(project.adjustment.observe)
+
+
+def control_alone(project: Project) -> Project:
+    """The same project, adjusted on its control points with the cameras as they are given.
+
+    GNSS and INS still give approximate values; all their parameters are held.
+    """
+    own = project.adjustment.self_calibration.model_copy(update={"parameters": NOTHING})
+    adjustment = project.adjustment.model_copy(
+        update={
+            "free": (),
+            "observe": ("control",),
+            "self_calibration": own,
+            "gnss_correlation_s": None,
+            "ins_correlation_s": None,
+            "estimate_correlation": False,
+        }
+    )
+    return project.model_copy(update={"adjustment": adjustment})
