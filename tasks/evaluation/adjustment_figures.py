@@ -1,33 +1,45 @@
-"""The adjustment in figures for summary.json."""
+"""The adjustment in figures for summary.json.
+
+Variance components also become the σ of the control points.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from itertools import islice
+from math import isfinite
 
 import numpy as np
 import pandas as pd
 
 from adjust.arrays import Floats
+from adjust.observations.control_point import ControlPoints
 from adjust.observations.gnss_position import GnssPositions
 from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import Quantity
+from adjust.quality.correlation_time import CorrelationTime
+from adjust.quality.variance_components import VarianceComponent
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
 from adjust.selection.correlation import correlated_groups, correlation_matrix
-from tasks.evaluation.result_tables import AdjustedBlock
+from tasks.block.block_input import SurveyedPoints
+from tasks.evaluation.result_tables import AdjustedBlock, reported_unit_of
 from tasks.evaluation.surveyed_differences import (
     left_out_figures,
     rejected_control,
     surveyed_differences,
     uncontrolled_control,
 )
-from tasks.evaluation.variance_figures import correlation_figures, variance_figures
 from tasks.files.json_text import JSON
 from tasks.results.figures import (
+    ComponentFigure,
+    CorrelationTimeFigure,
     DatumFigure,
     FreeNetworkFigure,
     GlobalTestFigure,
     GroupFigure,
+    VarianceFigures,
     WeakParameters,
 )
 from tasks.settings.adjustment import AdjustmentSettings
@@ -82,7 +94,7 @@ def adjustment_figures(
         "global_test": GlobalTestFigure.model_validate(test, from_attributes=True).to_json(),
         "groups": [_group_figure(group).to_json() for group in result.groups],
         "variance_components": variance_figures(result),
-        "correlation_times": correlation_figures(result, settings.correlation_times_s),
+        "correlation_times": _correlation_figures(result, settings.correlation_times_s),
         "without_effect": without_effect(result, settings),
         "datum": [
             DatumFigure(direction=share.direction, sigma=share.sigma, held_by=dict(share.shares)).to_json()
@@ -225,3 +237,81 @@ def _modes(correlation: Floats) -> list[tuple[int, ...]]:
     values, vectors = np.linalg.eigh(correlation)
     weak = [k for k in range(len(values)) if values[k] < 1.0 - CORRELATED][:_MOST_MODES]
     return [tuple(int(i) for i in np.flatnonzero(np.abs(vectors[:, k]) >= _INVOLVED)) for k in weak]
+
+
+def variance_figures(result: AdjustmentResult) -> JSON:
+    """A row for each part of the observations, and how often they were weighted again; null without."""
+    if not result.variance_components:
+        return None
+    return VarianceFigures(
+        rounds=result.reweighted,
+        confidence=result.test.confidence,
+        components=tuple(_component_row(result, component) for component in result.variance_components),
+    ).to_json()
+
+
+def _component_row(result: AdjustmentResult, component: VarianceComponent) -> ComponentFigure:
+    """The median σ only where all components have one unit: those of known calibrations have several."""
+    group = result.groups[component.part.group].group
+    units = {reported_unit_of(group, number) for number in component.part.components}
+    unit, factor = units.pop() if len(units) == 1 else ("", float("nan"))
+    return ComponentFigure(
+        part=component.part.name,
+        estimated=component.estimated,
+        factor=component.factor,
+        factor_lower=component.lower,
+        factor_upper=component.upper,
+        sigma=component.sigma * factor,
+        unit=unit,
+        redundancy=component.redundancy,
+        degrees_of_freedom=component.degrees_of_freedom,
+    )
+
+
+def _correlation_figures(result: AdjustmentResult, stated_s: Mapping[str, float | None]) -> JSON:
+    """A row for each group whose errors are correlated over time; null without any.
+
+    Parameters
+    ----------
+    stated_s : group → the correlation time of the project, s.
+    """
+    estimated = {item.name: item for item in result.correlation_times}
+    observed = {group.group.name for group in result.groups}
+    rows: list[JSON] = [
+        _correlation_row(name, seconds, estimated.get(name)).to_json()
+        for name, seconds in stated_s.items()
+        if seconds is not None and name in observed
+    ]
+    return rows or None
+
+
+def _correlation_row(group: str, stated_s: float, item: CorrelationTime | None) -> CorrelationTimeFigure:
+    if item is None or item.verdict == "stated":
+        seconds = stated_s if item is None else item.seconds
+        return CorrelationTimeFigure(
+            group=group,
+            stated_s=stated_s,
+            correlation_s=seconds,
+            verdict="stated",
+            tested=item is not None,
+        )
+    return CorrelationTimeFigure(
+        group=group,
+        stated_s=stated_s,
+        correlation_s=item.seconds,
+        lower_s=item.lower,
+        upper_s=item.upper if isfinite(item.upper) else None,
+        verdict=item.verdict,
+        tested=True,
+    )
+
+
+def with_estimated_sigmas(surveyed: SurveyedPoints, result: AdjustmentResult) -> SurveyedPoints:
+    """Control points with the standard deviations that the adjustment gave them; check points as stated."""
+    factors = np.ones(3)
+    for component in result.variance_components:
+        if result.groups[component.part.group].group.name == ControlPoints.name:
+            factors[list(component.part.components)] = component.factor
+    of_points = np.where(surveyed.is_check[:, None], 1.0, factors)
+    covariance = surveyed.covariance * of_points[:, :, None] * of_points[:, None, :]
+    return replace(surveyed, covariance=covariance)

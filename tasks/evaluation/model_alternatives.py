@@ -31,15 +31,13 @@ from adjust.parameters import (
 from adjust.quality.alternative_products import ModelAlternative
 from adjust.quality.model_alternatives import ObservationAlternative, ParameterAlternative
 from adjust.solve.system import Observations
-from tasks.block.distortion_readings import other_readings
 from tasks.block.given_orientations import GivenOrientations
 from tasks.block.refracted_rays import ground_heights
 from tasks.block.self_calibration import image_format_of
 from tasks.evaluation.alternative import Alternative, Scope, along_axis, scaled
 from tasks.evaluation.alternative_words import LEAST_PART, WHOLE
-from tasks.evaluation.drift_alternatives import drift_alternatives
-from tasks.evaluation.image_point_changes import image_errors, refraction
-from tasks.evaluation.position_alternatives import position_alternatives
+from tasks.evaluation.gnss_ins_alternatives import drift_alternatives, position_alternatives
+from tasks.evaluation.image_point_changes import image_errors, other_readings, refraction
 from tasks.quantities import reported_unit
 
 #: Families and the parts of a block in which they may differ.

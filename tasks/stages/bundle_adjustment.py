@@ -28,7 +28,7 @@ from tasks.block.residual_grid_file import write_residual_grid
 from tasks.block.shared_readings import shared_readings
 from tasks.coordinates.crs import MapFrame
 from tasks.errors import NotComputableError
-from tasks.evaluation.adjustment_figures import adjustment_figures
+from tasks.evaluation.adjustment_figures import adjustment_figures, with_estimated_sigmas
 from tasks.evaluation.calibration_contradiction import contradiction_figures, contradictions_of
 from tasks.evaluation.check_point_test import check_point_test, tested_points
 from tasks.evaluation.distance_residuals import distance_figures, write_distance_residuals
@@ -53,7 +53,6 @@ from tasks.evaluation.self_calibration_tables import (
 from tasks.evaluation.single_errors import single_errors
 from tasks.evaluation.strip_error_table import write_strip_errors
 from tasks.evaluation.surveyed_differences import write_control_residuals
-from tasks.evaluation.variance_figures import with_estimated_sigmas
 from tasks.files.json_text import JSON
 from tasks.first_run import announce_compilation
 from tasks.plausibility.lever_arm import lever_arm_suspicions, suspicions_without_rejection

@@ -16,9 +16,8 @@ from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, INTERIOR_ORIENTATION, LEVER_ARM, ParameterPlace
 from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
-from tasks.evaluation.adjustment_figures import adjustment_figures
+from tasks.evaluation.adjustment_figures import adjustment_figures, variance_figures
 from tasks.evaluation.result_tables import AdjustedBlock
-from tasks.evaluation.variance_figures import variance_figures
 from tasks.remarks.observation_sigmas import variance_sentences
 from tasks.results.figures import ComponentFigure, VarianceFigures
 from tasks.settings.adjustment import AdjustmentSettings
