@@ -2,7 +2,8 @@
 
 The order: corrections from a file, if the project names one, are there from the beginning. The block is
 adjusted (and its additional parameters chosen). Then, if requested, mean residuals are added to the image
-coordinates until the cross-validation refuses; the last adjustment is a complete one again.
+coordinates until the cross-validation refuses; the last adjustment is a complete one again. Image errors may
+vary within the sub-areas, and more of these be enough.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from adjust.options import AdjustmentOptions
 from adjust.residual_grid.autocorrelation import Autocorrelation, autocorrelation
 from adjust.residual_grid.collocation import collocate
 from adjust.residual_grid.controlled_residuals import controlled
-from adjust.residual_grid.format_cells import FormatCells, Seams
+from adjust.residual_grid.format_cells import FormatCells, Interpolation, Seams
 from adjust.residual_grid.image_correction import CorrectionField, corrected
 from adjust.residual_grid.image_sets import GridRule
 from adjust.residual_grid.iteration import GridIteration, iterate_grid
@@ -33,12 +34,12 @@ from adjust.residual_grid.mean_response import MOST_TOGETHER
 from adjust.residual_grid.remaining_errors import remaining_errors, with_correction_errors
 from adjust.residual_grid.residual_grid import ResidualGrid, residual_grids
 from adjust.residual_grid.smoothing import Smoothing
+from adjust.residual_grid.within_cells import WithinCells, within_cells
 from adjust.result import AdjustmentResult
 from adjust.selection.parameter_selection import without_priors_of_held
 from adjust.solve.gauss_newton import Progress
 from adjust.solve.system import Observations
 from tasks.block.residual_grid_file import read_corrections
-from tasks.block.within_cells import VariationWithin, variation_within
 from tasks.errors import InputError, NotComputableError
 from tasks.files.json_text import from_json
 from tasks.settings.residual_grid import ResidualGridSettings
@@ -50,6 +51,8 @@ _MOST_CELLS = 25
 _AIM_PER_CELL = 25
 
 Fields = tuple[CorrectionField | None, ...]
+# In 5 of 700 blocks chance shows as much where image errors differ by several σ from cell to cell.
+_BY_CHANCE = 0.001
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,3 +272,51 @@ def autocorrelations(
         v = np.where(chosen[rows], residual[rows], np.nan)
         found.append(autocorrelation(rays.image[rows], rays.xy[rows], v) if len(rows) else None)
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class VariationWithin:
+    """Image errors within the sub-areas of a camera.
+
+    Attributes
+    ----------
+    found : what residuals say of them.
+    significant : whether it is more than chance.
+    enough : number of sub-areas along a side within which residuals show no more than chance; None if these
+        are enough, or none of those looked at.
+    """
+
+    found: WithinCells
+    significant: bool
+    enough: int | None
+
+
+def variation_within(
+    camera: int,
+    cells: FormatCells,
+    finer: Sequence[FormatCells],
+    result: AdjustmentResult,
+    interpolation: Interpolation,
+) -> VariationWithin | None:
+    """The variation of image errors within the sub-areas of a camera; None with too few image points.
+
+    Parameters
+    ----------
+    camera : its number.
+    finer : more sub-areas, in the order in which they are tried.
+    """
+    rays = result.observations.image_points
+    rows = np.flatnonzero(result.block.camera_of_image[rays.image] == camera)
+    residual, chosen = result.groups[0].residual[rows], controlled(result.groups[0])[rows]
+
+    def within(tried: FormatCells) -> WithinCells | None:
+        return within_cells(tried, interpolation, rays.image[rows], rays.xy[rows], residual, chosen)
+
+    found = within(cells)
+    if found is None or found.probability >= _BY_CHANCE:
+        return None if found is None else VariationWithin(found, False, None)
+    for tried in finer:
+        left = within(tried)
+        if left is not None and left.probability >= _BY_CHANCE:
+            return VariationWithin(found, True, tried.columns)
+    return VariationWithin(found, True, None)

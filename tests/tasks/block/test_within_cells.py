@@ -9,7 +9,7 @@ import numpy as np
 
 from adjust.residual_grid.format_cells import FormatCells
 from adjust.result import AdjustmentResult, ObservationStatus
-from tasks.block.within_cells import VariationWithin, variation_within
+from tasks.block.residual_grid import VariationWithin, variation_within
 
 HALF = (0.05, 0.04)
 CELLS = FormatCells.of(HALF, 4)
