@@ -18,7 +18,6 @@ from tasks.accuracy.statement import AccuracyClass, statements
 from tasks.coordinates.crs import MapFrame
 from tasks.files.json_text import JSON
 from tasks.first_run import announce_compilation
-from tasks.georeferencing.applied_parameters import applied_parameters
 from tasks.georeferencing.calibrated_identity import refuse_other_cameras
 from tasks.georeferencing.calibration import (
     NO_CALIBRATION,
@@ -30,7 +29,7 @@ from tasks.georeferencing.calibration import (
 )
 from tasks.georeferencing.comparison import Comparison, compared, write_comparison
 from tasks.georeferencing.difference_statistics import difference_figures, parallax_figures
-from tasks.georeferencing.directly_oriented import CheckRules, Delivery, directly_oriented
+from tasks.georeferencing.directly_oriented import CheckRules, Delivery, DirectlyOriented, directly_oriented
 from tasks.georeferencing.registered_calibration import RegisteredCalibration, calibration_of_registered
 from tasks.georeferencing.remarks import (
     calibration_remarks,
@@ -39,6 +38,7 @@ from tasks.georeferencing.remarks import (
     parallax_remarks,
     point_remarks,
 )
+from tasks.quantities import is_calibrated
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.project import ProjectSettings
@@ -104,7 +104,7 @@ def check_georeferencing(
     comparison = compared(oriented, surveyed, calibration, direct.critical_value)
     write_comparison(folder, comparison)
     figures = _figures(comparison, direct)
-    figures["calibration"] = applied_parameters(oriented, calibration)
+    figures["calibration"] = _applied_parameters(oriented, calibration)
     remarks = _remarks(comparison, calibration, figures)
     remarks += tuple(one.sentence for one in registered)
     write_notes(folder, Notes(remarks, {"direct_georeferencing": figures}))
@@ -166,3 +166,23 @@ def _remarks(comparison: Comparison, calibration: Calibration, figures: dict[str
         *calibration_remarks(comparison.oriented, calibration),
         *coverage_remarks(comparison.oriented, comparison.not_intersected, has_models=has_models),
     )
+
+
+def _applied_parameters(oriented: DirectlyOriented, calibration: Calibration) -> list[JSON]:
+    """Parameter, entity, value, σ (null: taken to be free of error) and unit of everything that was applied.
+
+    Biases and drifts of the calibration's own strips are not.
+    """
+    entities = {*oriented.given.mountings.names, *oriented.flights.values()}
+    return [
+        {
+            "parameter": parameter,
+            "entity": entity,
+            "value": value,
+            "sigma": calibration.sigmas.get((parameter, entity)),
+            "unit": calibration.units[parameter, entity],
+            "status": calibration.statuses[parameter, entity],
+        }
+        for (parameter, entity), value in calibration.values.items()
+        if entity in entities and is_calibrated(parameter)
+    ]
