@@ -16,7 +16,14 @@ from typing import Annotated, Any, Literal, Union
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from tasks.settings.adjustment import AdjustmentSettings, Priors, Rejection
+from tasks.settings.adjustment import (
+    AdjustmentSettings,
+    OwnObservationsInput,
+    Priors,
+    Rejection,
+    ResidualGridSettings,
+    SelfCalibrationSettings,
+)
 from tasks.settings.base import Settings, meaning_of
 from tasks.settings.burn_in import BurnInSettings
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings, HeldSigmas, MountingSettings
@@ -37,11 +44,8 @@ from tasks.settings.inputs import (
     Inputs,
     MapAdjustment,
 )
-from tasks.settings.own_observations import OwnObservationsInput
 from tasks.settings.project import Project, ProjectSettings
 from tasks.settings.quality import AxisGate, ChecksSettings, Gate, Gates
-from tasks.settings.residual_grid import ResidualGridSettings
-from tasks.settings.self_calibration import SelfCalibrationSettings
 from tasks.settings.statement import StatementSettings
 from tasks.settings.sweep import BlockSelection, ControlScenario, SweepSettings
 from tasks.settings.table_layout import StripRule, TableSettings

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from flows.runs.stage import stage
 from flows.stories.aerial_triangulation import adjusted_block, remarks_on
 from flows.stories.block_preparation import ImportedBlock, PreparedBlock
+from tasks.settings.adjustment import SelfCalibrationSettings
 from tasks.settings.project import Project
 from tasks.settings.published_sweep import published_table
-from tasks.settings.self_calibration import SelfCalibrationSettings
 from tasks.stages import burn_in_protocol, virtual_images
 from tasks.store.artifact import Artifact
 from tasks.store.store import Outputs, Store

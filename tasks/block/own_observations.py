@@ -11,7 +11,7 @@ from adjust.arrays import Floats
 from adjust.block import Block
 from adjust.observations.base import ObservationGroup
 from tasks.errors import InputError, Location
-from tasks.settings.own_observations import OBSERVATION_TYPES, OwnObservationsInput
+from tasks.settings.adjustment import OBSERVATION_TYPES, OwnObservationsInput
 
 
 @dataclass(frozen=True, eq=False)

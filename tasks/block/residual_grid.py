@@ -42,7 +42,7 @@ from adjust.solve.system import Observations
 from tasks.block.residual_grid_file import read_corrections
 from tasks.errors import InputError, NotComputableError
 from tasks.files.json_text import from_json
-from tasks.settings.residual_grid import ResidualGridSettings
+from tasks.settings.adjustment import ResidualGridSettings
 
 _log = logging.getLogger("aerocal")
 _MM = 1e-3

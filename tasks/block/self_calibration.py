@@ -23,7 +23,7 @@ from adjust.parameters import SystemParameters, additional_family
 from tasks.block.given_orientations import GivenOrientations
 from tasks.errors import InputError
 from tasks.files.json_text import from_json
-from tasks.settings.self_calibration import SelfCalibrationSettings
+from tasks.settings.adjustment import SelfCalibrationSettings
 
 _MM = 1e-3
 _UM = 1e-6

@@ -30,10 +30,9 @@ from tasks.georeferencing.calibrated_cameras import calibrated_cameras
 from tasks.georeferencing.calibrated_system import CalibratedSystem, calibrated_system
 from tasks.georeferencing.calibration import Calibration
 from tasks.georeferencing.shared_observations import SharedExposures, same_exposures, shared_errors
-from tasks.settings.adjustment import AdjustmentSettings
+from tasks.settings.adjustment import AdjustmentSettings, SelfCalibrationSettings
 from tasks.settings.direct_georeferencing import DirectGeoreferencingSettings
 from tasks.settings.quality import ChecksSettings
-from tasks.settings.self_calibration import SelfCalibrationSettings
 
 
 @dataclass(frozen=True, eq=False)

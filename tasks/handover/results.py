@@ -32,8 +32,8 @@ from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.handover.rig_heads import RigHeads, rig_heads
 from tasks.handover.rigorous import OrientedImages
 from tasks.results.manifest import read_manifest
+from tasks.settings.adjustment import ResidualGridSettings
 from tasks.settings.project import ProjectSettings
-from tasks.settings.residual_grid import ResidualGridSettings
 from tasks.tables.foreign import read_foreign_table
 from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS, OBJECT_POINTS
 from tasks.tables.schemas.columns import TableSchema

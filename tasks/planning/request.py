@@ -13,9 +13,8 @@ from tasks.block.block_input import refuse_heads
 from tasks.block.observation_types import prior_sigmas
 from tasks.block.self_calibration import CalibratedImages, additional_parameters_of, self_calibration_of
 from tasks.quantities import KINDS
-from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors
+from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors, SelfCalibrationSettings
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings
-from tasks.settings.self_calibration import SelfCalibrationSettings
 
 _STRIP_BIAS: FreeParameter = "gnss_strip_bias"
 #: So little is known beforehand that σ/σ_prior tells what the flight adds.

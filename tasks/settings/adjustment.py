@@ -1,17 +1,23 @@
-"""Settings of the adjustment: what is free, how gross errors are rejected, how precision is stated."""
+"""Settings of the adjustment: what is free, how gross errors are rejected, how precision is stated.
+
+With the tables of [adjustment]: self-calibration by additional parameters, mean residuals of the images in
+sub-areas and their use as corrections, and observations of a type that another installed package adds.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from adjust.camera.additional.register import REGISTER
+from adjust.camera.additional.selection import NOTHING, selected
+from adjust.errors import AdditionalParametersError, ExtensionError
+from adjust.extensions import Extended, trouble_of_function
 from tasks.quantities import KINDS
-from tasks.settings.base import Settings, trouble
+from tasks.settings.base import InputPath, InputPaths, Settings, one_of, trouble
 from tasks.settings.coordinates import Positive, PositivePair, PositiveTriple, Real, Whole
-from tasks.settings.own_observations import OwnObservationsInput
-from tasks.settings.residual_grid import ResidualGridSettings
-from tasks.settings.self_calibration import SelfCalibrationSettings
 
 if TYPE_CHECKING:
     FreeParameter: TypeAlias = str
@@ -19,6 +25,128 @@ else:
     FreeParameter = Literal[tuple(KINDS)]
 VarianceDivision: TypeAlias = Literal["file", "camera", "flight"]
 ObservedGroup: TypeAlias = Literal["gnss", "ins", "control"]
+#: Sub-areas along each side that collocation can have, for its matrices.
+MOST_COLLOCATED = 36
+#: What makes observations of a type, by its name; see `tasks.block.assembled_block` for its signature.
+OBSERVATION_TYPES: Extended[object] = Extended("observations", {}, trouble_of_function)
+
+
+class OwnObservationsInput(Settings):
+    """Observations of a type that an installed package adds."""
+
+    type: Annotated[str, AfterValidator(one_of(OBSERVATION_TYPES, "observation type"))]
+    """Name of the type, as the package offers it in its entry points `aerocal.observations`
+    ([how](library.md#your-own-observations-parameters-and-formats)).
+    """
+    file: InputPath
+    """The file with the observations; the package states its format."""
+    options: Mapping[str, bool | int | float | str] = Field(default={})
+    """Values required by the package."""
+
+
+class ResidualGridSettings(Settings):
+    """Mean residuals of all images of a camera in sub-areas of the image."""
+
+    cells: Annotated[Whole, Field(ge=1, le=100)] | None = None
+    """Sub-areas along each side of the image. Default 25, or fewer: a sub-area has 25 image points on
+    average, and with the method `collocation` several cameras have at most 700 sub-areas together. A camera
+    in `file` always has those of the file. Seams between CCD images (`tiles` of the camera) are always
+    borders.
+    """
+    file: InputPaths = ()
+    """`residual_grid.parquet` of another run, such as the high flight of the same camera: its corrections
+    (its mean residuals, if it applied none) are added to the image coordinates. Several are averaged, each
+    mean weighted with the number of its residuals over their mean variance.
+    """
+    iterations: Annotated[Whole, Field(ge=0, le=50)] = 0
+    """Maximum number of times that the image coordinates are corrected and the block is adjusted again; 0:
+    mean residuals are only computed. 3 to 5 iterations are usual. The standard deviations include what the
+    corrections leave of image errors, up to 1,300 sub-areas.
+    """
+    method: Literal["means", "collocation"] = "means"
+    """How corrections follow from the mean residuals. `means`: the means are added. `collocation`: the most
+    probable image errors are estimated through the normal equations, including what orientations and object
+    points have absorbed of them. The latter is much more accurate where control and GNSS are sparse; it needs
+    at most 36 `cells` and no `file`.
+    """
+    cross_validation: bool = True
+    """Whether corrections are first tested with halves of the images. They are omitted if they do not reduce
+    the mean residuals of the images that were not used for them.
+    """
+    smoothing: Literal["none", "gaussian", "counts", "collocation"] = "counts"
+    """Smoothing of the means before they are added, with the method `means`: `none`; `gaussian`; `counts`, a
+    Gaussian in which each mean is weighted with its number of image points; `collocation` (least squares,
+    determines its own width). No smoothing extends across a seam.
+    """
+    smoothing_width: Positive = 0.04
+    """Standard deviation of the Gaussian as a fraction of the side of the image; 0.04 is one of 25 sub-areas.
+    """
+    interpolation: Literal["bilinear", "cell"] = "bilinear"
+    """Correction of an image point: `bilinear` between the centres of the sub-areas, or constant in each
+    `cell`.
+    """
+
+    @model_validator(mode="after")
+    def _collocation_is_possible(self) -> ResidualGridSettings:
+        if self.method != "collocation":
+            return self
+        if self.iterations == 0:
+            raise trouble(
+                "The method `collocation` corrects nothing with 0 iterations.",
+                "Set `iterations`, for instance to 5, or leave out `method`.",
+            )
+        if self.file:
+            raise trouble(
+                "The method `collocation` determines all corrections from this block; those of `file` would "
+                "be lost.",
+                "Leave out `file`, or set `method` to `means`.",
+            )
+        if self.cells is not None and self.cells > MOST_COLLOCATED:
+            raise trouble(
+                f"{self.cells} × {self.cells} sub-areas are too many for the method `collocation`.",
+                f"Set `cells` to at most {MOST_COLLOCATED}.",
+            )
+        return self
+
+
+def _known_selection(text: str) -> str:
+    """A selection the register can read."""
+    try:
+        selected(text, REGISTER)
+    except ExtensionError as error:
+        raise trouble(str(error), "Repair that package, or use another set.") from error
+    except AdditionalParametersError as error:
+        raise trouble(
+            f"The additional parameters '{text}' are not known: {error}",
+            'Write for example "bluh:1-12"; docs/additional-parameters.md lists all sets.',
+        ) from error
+    return text.strip()
+
+
+Selection: TypeAlias = Annotated[str, AfterValidator(_known_selection)]
+
+
+class SelfCalibrationSettings(Settings):
+    """Self-calibration by additional parameters."""
+
+    parameters: Selection = NOTHING
+    """Additional parameters to estimate, e.g. `"bluh:1-12"`, `"bluh:1-12+42-73+81-88"`, `"brown:K1,K2"`,
+    `"brown-forward:k1-k3,p1,p2"`, `"legendre(5)"`; `"none"` for none. Focal length and principal point are
+    listed in `free`.
+    """
+    per: Literal["camera", "flight"] = "camera"
+    """Whether each `camera` has its own set, or each camera in each `flight`. With `flight`, a test shows
+    whether the sets differ.
+    """
+    sigma_um: Positive | None = None
+    """Standard deviation of each parameter about its given value, expressed as its largest effect in the
+    image, µm. Default: no prior.
+    """
+    elimination: Literal["default", "bluh", "dmc_certificate", "none"] = "default"
+    """Rule by which parameters that are not significant, or not separable from others, are eliminated one
+    after another: `default` (correlation 0.90, total correlation 0.975, t of 99 %), `bluh` (t below 1,
+    correlations above 0.85), `dmc_certificate` (t below 1.96), or `none`.
+    """
 
 
 class Rejection(Settings):

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from tasks.plain_text import quoted
+from tasks.settings.adjustment import Selection
 from tasks.settings.base import Settings, trouble
 from tasks.settings.coordinates import (
     Finite,
@@ -19,7 +20,6 @@ from tasks.settings.coordinates import (
     Whole,
     one_or_two,
 )
-from tasks.settings.self_calibration import Selection
 
 #: What a simulation may ask for at most.
 MOST_EXPOSURES, MOST_SURVEYED = 200_000, 10_000
