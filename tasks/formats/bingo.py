@@ -16,9 +16,9 @@ from pathlib import Path
 from tasks.errors import Location
 from tasks.formats.long_columns import LongRows
 from tasks.formats.named_entries import NotTaken
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords
+from tasks.formats.text_lines import numbered_lines
 
 _COMMENTS = ("*", "#")
 _ROLES = {"CONT": "control", "CHCK": "check"}

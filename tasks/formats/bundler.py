@@ -16,7 +16,6 @@ import numpy as np
 
 from tasks.errors import Location
 from tasks.formats.long_columns import LongRows, table_of
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     LOCAL,
     image_points_of,
@@ -24,7 +23,7 @@ from tasks.formats.plain_records import (
     numbers_of,
 )
 from tasks.formats.records import AngleOrder, ExposureRecords, ImagePointRecords
-from tasks.formats.text_lines import DeliveredLines
+from tasks.formats.text_lines import DeliveredLines, numbered_lines
 
 
 def read_bundler_exposures(path: Path, _order: AngleOrder) -> ExposureRecords:

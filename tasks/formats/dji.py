@@ -19,10 +19,10 @@ import pyarrow as pa
 from adjust.arrays import Floats
 from tasks.errors import Location
 from tasks.formats.long_columns import table_of
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import exposures_of, numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
 from tasks.formats.sbet import WEEK_S
+from tasks.formats.text_lines import numbered_lines
 from tasks.formats.trajectory_records import Clock, EventRecords
 
 _NUMBER = r"([+-]?[0-9.eE+-]+)"

@@ -24,7 +24,6 @@ from tasks.errors import Location
 from tasks.formats.crs_definition import WELL_KNOWN
 from tasks.formats.long_columns import LongPoints, LongRows
 from tasks.formats.named_entries import NotTaken, take_camera
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import (
     AngleOrder,
@@ -34,6 +33,7 @@ from tasks.formats.records import (
     FileStatement,
     ImagePointRecords,
 )
+from tasks.formats.text_lines import numbered_lines
 from tasks.plain_text import quoted
 
 _KEY = re.compile(r"\s*\$(\w+)\s*:(.*)$")

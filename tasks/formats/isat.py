@@ -14,7 +14,6 @@ from pathlib import Path
 from tasks.errors import Location
 from tasks.formats.long_columns import LongRows
 from tasks.formats.named_entries import NotTaken, take_camera
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import number_of, numbers_of
 from tasks.formats.records import (
     AngleOrder,
@@ -23,6 +22,7 @@ from tasks.formats.records import (
     ExposureRecords,
     FileStatement,
 )
+from tasks.formats.text_lines import numbered_lines
 
 _POINTS = "control_points"
 # Of a photo, what is read or changes nothing.

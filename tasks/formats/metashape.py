@@ -34,7 +34,6 @@ from tasks.formats.earth_poses import GEOGRAPHIC, geographic_poses
 from tasks.formats.long_columns import LongPoints, LongRows, table_of
 from tasks.formats.metashape_rigs import MetashapeRigs, transform_of
 from tasks.formats.named_entries import ImagesByName
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     CV_AXES,
     LOCAL,
@@ -52,6 +51,7 @@ from tasks.formats.records import (
     PixelCamera,
 )
 from tasks.formats.rigs import Rigs, with_rigs
+from tasks.formats.text_lines import numbered_lines
 from tasks.formats.xml_text import elements, parsed_xml
 
 # Terms of older versions, which later ones have no more.

@@ -29,7 +29,6 @@ from tasks.formats.earth_poses import GEOGRAPHIC, geocentric_poses, geographic_p
 from tasks.formats.json_value import JsonValue, json_value
 from tasks.formats.long_columns import LongPoints, LongRows, table_of
 from tasks.formats.opensfm_rigs import opensfm_rigs
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import (
     CV_AXES,
     LOCAL,
@@ -49,6 +48,7 @@ from tasks.formats.records import (
     PixelCamera,
 )
 from tasks.formats.rigs import Rigs, with_rigs
+from tasks.formats.text_lines import numbered_lines
 from tasks.formats.text_table import read_bytes
 from tasks.plain_text import quoted
 

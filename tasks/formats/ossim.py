@@ -26,9 +26,9 @@ import numpy as np
 
 from adjust.arrays import Floats
 from tasks.errors import InputError
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import CameraRecord
+from tasks.formats.text_lines import numbered_lines
 from tasks.magnitude import MOST_PIXELS
 
 _LINE = re.compile(r"\s*([A-Za-z_]\w*)\s*:\s*(.*?)\s*")

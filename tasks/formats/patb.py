@@ -20,9 +20,9 @@ import numpy as np
 from adjust.arrays import Floats
 from tasks.errors import Location
 from tasks.formats.long_columns import LongRows, table_of
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import control_of, numbers_of
 from tasks.formats.records import AngleOrder, ControlRecords, ExposureRecords, FileStatement
+from tasks.formats.text_lines import numbered_lines
 
 _WIDTH = 16
 _END = "-99"

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from tasks.errors import InputError, Location
 from tasks.formats.long_columns import LongNames, table_of
-from tasks.formats.plain_lines import pieces_of_lines
 from tasks.formats.plain_records import image_points_of, numbers_of
 from tasks.formats.records import ImagePointRecords
+from tasks.formats.text_lines import pieces_of_lines
 from tasks.magnitude import HUGE
 from tasks.plain_text import quoted
 

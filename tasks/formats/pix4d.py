@@ -17,9 +17,9 @@ from pathlib import Path
 
 from tasks.errors import Location
 from tasks.formats.long_columns import LongRows
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement, PixelCamera
+from tasks.formats.text_lines import numbered_lines
 
 _CAMERA_HEAD = "fileName imageWidth imageHeight"
 # Lines of an image: K, radial and tangential distortion, t, R.

@@ -22,9 +22,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from tasks.errors import Location
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import numbers_of
 from tasks.formats.records import CameraRecord
+from tasks.formats.text_lines import numbered_lines
 
 _BEGIN = re.compile(r"camera_calibration_file\s+(\S+)\s*")
 _SENSOR = re.compile(r"#\s*Focal Length.*sensor width of\s*(\S+?)x(\S+?)\s*mm\s*")

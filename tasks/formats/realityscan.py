@@ -18,9 +18,9 @@ import numpy as np
 from adjust.geometry.rotation import about_x, about_y, about_z
 from tasks.errors import Location
 from tasks.formats.long_columns import LongRows
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import degrees_of_rotations, numbers_of, pieces_of
 from tasks.formats.records import AngleOrder, ExposureRecords, FileStatement
+from tasks.formats.text_lines import numbered_lines
 
 _COUNT = re.compile(r"#cameras\s+(\d{1,9})\s*", re.ASCII)
 _NEEDED = ("name", "x", "y", "alt", "heading", "pitch", "roll")

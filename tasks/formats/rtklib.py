@@ -18,10 +18,10 @@ from adjust.arrays import Floats
 from tasks.errors import InputError, Location
 from tasks.formats.calendar_time import seconds_of_date
 from tasks.formats.long_columns import table_of
-from tasks.formats.plain_lines import numbered_lines
 from tasks.formats.plain_records import number_of, numbers_of
 from tasks.formats.records import FileStatement
 from tasks.formats.sbet import SHORTEST_STEP_S, WEEK_S
+from tasks.formats.text_lines import numbered_lines
 from tasks.formats.trajectory_records import SOLUTIONS, Clock, TrajectoryRecords
 
 _QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp"}

@@ -1,13 +1,16 @@
-"""Delivered text as pieces of whole lines, so that a table of gigabytes is never in memory as a whole.
+"""Delivered text in whole lines, so that a table of gigabytes is never in memory as a whole.
 
-The file is read twice: once to see how many rows it has and whether it can be a table at all, then to take
-the rows apart. The digest of the bytes is looked at in every reading (`tasks.files.delivered_file`).
+A table is read twice, as pieces of lines: once to see how many rows it has and whether it can be a table at
+all, then to take the rows apart. The digest of the bytes is looked at in every reading
+(`tasks.files.delivered_file`). Text files of other programs are read as lines, whatever their encoding and
+line ends.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -144,3 +147,45 @@ def _refuse_long_line(piece: bytes, file: Path, first_line: int) -> None:
                 "Deliver a table with a line for each row.",
             )
         begin = end + 1
+
+
+def text_of(path: Path) -> str:
+    """The text of a file with lines ended by LF: UTF-8, or Latin-1 where it is no UTF-8.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty, or has lines of a length that no row has.
+    """
+    return "\n".join(line for some in pieces_of_lines(path) for line in some)
+
+
+def numbered_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Number and text of every line, from 1; only a piece of the file is in memory.
+
+    Raises
+    ------
+    InputError
+        As `text_of`.
+    """
+    return enumerate(chain.from_iterable(pieces_of_lines(path)), start=1)
+
+
+def pieces_of_lines(path: Path) -> Iterator[list[str]]:
+    """The lines of a file, some thousands together; behind the last line feed stands one more, empty line.
+
+    Raises
+    ------
+    InputError
+        As `text_of`.
+    """
+    # Files mix CR LF with "CR blank LF"; alone, CR ends lines.
+    text = DeliveredLines.of(path, lone_return=b"")
+    encoding = "utf-8" if text.is_utf8 else "latin-1"
+    rest = b""
+    for piece in text.pieces():
+        # Where a quotation mark stays open, a piece ends within a line.
+        whole, feed, rest = (rest + piece).rpartition(b"\n")
+        if feed:
+            yield whole.decode(encoding).split("\n")
+    yield [rest.decode(encoding)]
