@@ -25,7 +25,7 @@ from tasks.registry.contents import StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.radiometric import RadiometricResult, changes, read_radiometric
 from tasks.registry.registry import Registry, Signature
-from tasks.registry.shared_numbers import shared_numbers
+from tasks.registry.series import shared_numbers
 from tasks.settings.registry import registry_address
 
 # A digest, whole or enough of it that no other event has the same by chance.

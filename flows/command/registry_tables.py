@@ -31,8 +31,7 @@ from tasks.registry.compatibility import compatibility
 from tasks.registry.contents import Contents, StoredCalibration
 from tasks.registry.history import Validity
 from tasks.registry.radiometric import RadiometricResult, changes
-from tasks.registry.series import ParameterSeries, series_of
-from tasks.registry.shared_numbers import shared_numbers
+from tasks.registry.series import ParameterSeries, series_of, shared_numbers
 
 
 def list_calibrations(camera: str | None, address: str | None, *, as_json: bool) -> int:

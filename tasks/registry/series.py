@@ -1,8 +1,8 @@
-"""The parameters of one camera over its calibrations."""
+"""The parameters of one camera over its calibrations, which count as those of one even if they name two."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from math import hypot
@@ -12,10 +12,14 @@ from tasks.registry.compatibility import OF_MOUNTING
 from tasks.registry.contents import StoredCalibration
 from tasks.registry.drift import by_day
 from tasks.registry.history import Validity
-from tasks.registry.identity import heads_of
+from tasks.registry.identity import CameraBody, heads_of
 
 #: Those that every camera has come first, the others in the order in which they are met.
 _FIRST = tuple(name for name, item in COMPONENTS.items() if item.kind.entity_kind == "camera")
+_DESCRIBED: tuple[tuple[str, Callable[[CameraBody], str]], ...] = (
+    ("are of the camera", lambda camera: f"'{camera.name}'"),
+    ("are of an image of", lambda camera: camera.image),
+)
 
 
 @dataclass(frozen=True)
@@ -106,3 +110,24 @@ def _point(item: StoredCalibration, value: float, sigma: float) -> SeriesPoint:
         item.validity,
         item.camera.mounting,
     )
+
+
+def shared_numbers(items: Sequence[StoredCalibration]) -> Iterator[str]:
+    """Sentences that two cameras may have one serial number; none if all name and describe one camera.
+
+    Parameters
+    ----------
+    items : the calibrations of one camera, by its numbers; where it has none, by its name.
+    """
+    for words, described in _DESCRIBED:
+        ids: dict[str, list[str]] = {}
+        for item in items:
+            ids.setdefault(described(item.camera), []).append(str(item.id))
+        if len(ids) > 1:
+            camera = items[-1].camera
+            found = "; ".join(f"{', '.join(of)} {words} {what}" for what, of in ids.items())
+            yield (
+                f"Calibrations {found}. All count as those of one camera ({camera.numbers or camera.name}): "
+                "they are compared, and an approval supersedes earlier ones. If there are two cameras, "
+                f"correct cameras.{camera.name}.identity and calibrate again."
+            )

@@ -16,8 +16,7 @@ from tasks.documents.time_series.plot import COLOURS, LIMIT, reference_of, serie
 from tasks.errors import InputError
 from tasks.files.installation import write_whole, writing_into
 from tasks.registry.contents import StoredCalibration
-from tasks.registry.series import ParameterSeries, series_of
-from tasks.registry.shared_numbers import shared_numbers
+from tasks.registry.series import ParameterSeries, series_of, shared_numbers
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
