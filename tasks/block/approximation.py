@@ -15,8 +15,8 @@ from adjust.parameters import State
 from tasks.block.given_orientations import GivenOrientations
 from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, map_from_local
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.deliveries import APPROXIMATE_BORESIGHT, APPROXIMATE_POINTS, IMAGES
-from tasks.tables.stage_table import write_stage_table
 
 USED = "used"
 WEAK_ANGLE = "weak_angle"

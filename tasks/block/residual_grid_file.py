@@ -22,8 +22,8 @@ from tasks.block.residual_grid_cells import residual_grid_cells
 from tasks.errors import Location
 from tasks.nearest_name import did_you_mean
 from tasks.tables.foreign import read_foreign_table
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.residual_grid import RESIDUAL_GRID
-from tasks.tables.stage_table import write_stage_table
 
 _MM = 1e-3
 _UM = 1e-6

@@ -13,8 +13,8 @@ from adjust.quality.single_error import hat_matrices
 from adjust.result import GroupResult, ObservationStatus
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.results.summary import DistanceFigures
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.adjustment import DISTANCE_RESIDUALS
-from tasks.tables.stage_table import write_stage_table
 
 
 def write_distance_residuals(folder: Path, adjusted: AdjustedBlock) -> pd.DataFrame:

@@ -19,8 +19,8 @@ from adjust.parameters import GNSS_STRIP_BIAS
 from adjust.quality.parameter_influences import ParameterInfluence, parameter_influences
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.parameters import PARAMETER_INFLUENCES
-from tasks.tables.stage_table import write_stage_table
 
 _KINDS = {
     GnssPositions.name: "position",

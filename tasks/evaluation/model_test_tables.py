@@ -23,8 +23,8 @@ from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.files.json_text import JSON
 from tasks.quantities import reported_unit
 from tasks.results.figures import RestoredGroup, StripScatter
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.model_tests import MODEL_ALTERNATIVE_EFFECTS, MODEL_ALTERNATIVES
-from tasks.tables.stage_table import write_stage_table
 
 #: Probability that any alternative of a complete model is called significant, shared among all of them.
 ERROR_PROBABILITY = 0.005

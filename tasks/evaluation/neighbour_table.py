@@ -11,9 +11,9 @@ from adjust.arrays import Floats
 from adjust.quality.picture_cofactor import cofactors_between_pictures, picture_cofactors
 from tasks.deliveries.neighbouring_images import neighbours
 from tasks.evaluation.result_tables import AdjustedBlock, axes_of_orientations, xyz_columns
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.places import places_of
 from tasks.tables.schemas.adjustment import NEIGHBOURING_IMAGES
-from tasks.tables.stage_table import write_stage_table
 
 _DEGREE = float(np.rad2deg(1.0))
 _ANGLES = ("omega", "phi", "kappa")

@@ -18,8 +18,8 @@ from adjust.selection.determinability import INSEPARABLE, PRIOR_ONLY
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
 from tasks.tables.covariance import correlation_table
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.parameters import CORRELATIONS, PARAMETERS
-from tasks.tables.stage_table import write_stage_table
 
 
 def parameter_table(

@@ -29,8 +29,8 @@ from tasks.results.figures import (
     ResidualGridFigure,
     WithinCellsFigure,
 )
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.residual_grid import RESIDUAL_AUTOCORRELATION
-from tasks.tables.stage_table import write_stage_table
 
 _MM = 1e-3
 _UM = 1e-6

@@ -34,10 +34,9 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import AdjustmentFrame, local_from_grid, map_from_local
 from tasks.tables.geometry import box_around
 from tasks.tables.names import Names
-from tasks.tables.parquet import write_row_groups
+from tasks.tables.parquet import write_row_groups, write_stage_table
 from tasks.tables.places import places_of
 from tasks.tables.schemas.adjustment import EXTERIOR_ORIENTATIONS, OBJECT_POINTS
-from tasks.tables.stage_table import write_stage_table
 
 _DEGREE = float(np.rad2deg(1.0))
 #: Rows of a long table that are put into columns at once: some ten megabytes.

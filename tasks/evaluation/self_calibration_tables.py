@@ -22,8 +22,8 @@ from tasks.block.self_calibration import BlockSelfCalibration
 from tasks.evaluation.parameter_tables import columns_of
 from tasks.results.figures import DecisionFigure, FlightTestFigure, GroupTestFigure, SelfCalibrationFigures
 from tasks.settings.adjustment import AdjustmentSettings
+from tasks.tables.parquet import of_schema, write_stage_table
 from tasks.tables.schemas.parameters import SELF_CALIBRATION
-from tasks.tables.stage_table import of_schema, write_stage_table
 
 # α of the tests of whole groups of parameters and of the difference between flights.
 _ERROR_PROBABILITY = 0.01

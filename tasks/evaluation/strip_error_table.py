@@ -15,8 +15,8 @@ from tasks.block.given_orientations import GivenOrientations
 from tasks.evaluation.result_tables import AdjustedBlock
 from tasks.quantities import reported_unit
 from tasks.tables.covariance import Key, correlation_pairs, covariance_of, sigmas_of
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.calibration import STRIP_ERRORS
-from tasks.tables.stage_table import write_stage_table
 
 COMPONENTS = ("roll", "pitch", "yaw", "east", "north", "up")
 _SHOWN = np.array([np.rad2deg(1.0)] * 3 + [1.0] * 3)

@@ -14,9 +14,9 @@ from adjust.result import AdjustmentResult, ObservationStatus
 from tasks.evaluation.result_tables import AdjustedBlock, variances, xyz_columns
 from tasks.files.json_text import JSON
 from tasks.results.figures import LeftOutFigure
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.places import places_of
 from tasks.tables.schemas.adjustment import CHECK_POINTS, CONTROL_RESIDUALS
-from tasks.tables.stage_table import write_stage_table
 
 
 def write_control_residuals(folder: Path, adjusted: AdjustedBlock) -> None:

@@ -28,13 +28,13 @@ from tasks.georeferencing.stereo_models import (
     model_rays,
     parallax_columns,
 )
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.georeferencing import (
     DIRECT_GEOREFERENCING,
     DIRECT_GEOREFERENCING_MODELS,
     STEREO_MODELS,
     Y_PARALLAXES,
 )
-from tasks.tables.stage_table import write_stage_table
 
 
 @dataclass(frozen=True, eq=False)

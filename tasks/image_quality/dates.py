@@ -24,6 +24,7 @@ from tasks.files.json_text import JSON
 from tasks.image_quality.radiometric_record import LIMIT
 from tasks.store.notes import Notes, write_notes
 from tasks.tables.foreign import read_foreign_table
+from tasks.tables.parquet import of_schema, write_stage_table
 from tasks.tables.schemas.columns import TableSchema
 from tasks.tables.schemas.image_quality import (
     DEFECT_COLUMNS,
@@ -34,7 +35,6 @@ from tasks.tables.schemas.image_quality import (
     QUALITY_DRIFT,
     SENSOR_SHEETS,
 )
-from tasks.tables.stage_table import of_schema, write_stage_table
 
 _REMEDY = "Name the folder of results of `aerocal image-quality`."
 _KEY = ["band", "direction", "zone"]

@@ -21,8 +21,8 @@ from tasks.image_quality.edge_tables import edge_table, mean_tables, noise_table
 from tasks.image_quality.scenes import SceneQuality, examined_scene
 from tasks.settings.image_quality import ImageQualitySettings
 from tasks.store.notes import Notes, write_notes
+from tasks.tables.parquet import of_schema, write_stage_table
 from tasks.tables.schemas.image_quality import EDGE_MEANS, EDGE_RESPONSES, EDGES, NOISE_LEVELS, SMEARS
-from tasks.tables.stage_table import of_schema, write_stage_table
 
 _log = logging.getLogger("aerocal")
 _TENTHS = 10

@@ -20,6 +20,7 @@ from tasks.image_files.image_reader import described
 from tasks.image_quality.flat_images import FlatImages, flat_images, middle_levels, middle_means
 from tasks.settings.image_quality import PROTOCOL, SensorSettings
 from tasks.store.notes import Notes, write_notes
+from tasks.tables.parquet import write_stage_table
 from tasks.tables.schemas.image_quality import (
     APERTURE,
     DEFECT_COLUMNS,
@@ -27,7 +28,6 @@ from tasks.tables.schemas.image_quality import (
     PHOTON_TRANSFER,
     SENSOR_SHEETS,
 )
-from tasks.tables.stage_table import write_stage_table
 
 Row: TypeAlias = Mapping[str, str | float | int | bool | None]
 

@@ -49,10 +49,9 @@ from tasks.settings.project import ProjectSettings
 from tasks.settings.quality import ChecksSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
-from tasks.tables.parquet import read_table
+from tasks.tables.parquet import read_table, write_stage_table
 from tasks.tables.places import distinct, places_of
 from tasks.tables.schemas.deliveries import APPROXIMATE_ORIENTATIONS
-from tasks.tables.stage_table import write_stage_table
 
 
 def write_approximate_block(

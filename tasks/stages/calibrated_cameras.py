@@ -15,9 +15,8 @@ from tasks.georeferencing.calibrated_cameras import calibrated_cameras
 from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.store.artifact import Artifact
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table
+from tasks.tables.parquet import read_table, write_stage_table
 from tasks.tables.schemas.deliveries import CAMERAS
-from tasks.tables.stage_table import write_stage_table
 
 
 @stored("calibrated_cameras")

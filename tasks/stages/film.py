@@ -37,9 +37,8 @@ def orient_film(
     """
     # A run that finds the output stored never loads what computes it.
     from tasks.deliveries.fiducials import measured_marks
-    from tasks.tables.parquet import read_table
+    from tasks.tables.parquet import read_table, write_stage_table
     from tasks.tables.places import places_of
-    from tasks.tables.stage_table import write_stage_table
 
     delivered = read_table(exposures)
     marks = measured_marks(sources, delivered, read_table(cameras), given)

@@ -77,7 +77,7 @@ def compare_with_motion(
         If an image has no exposure, or its exposure has no rates.
     """
     from tasks.evaluation.smear_by_motion import smear_motion_remarks, smear_motion_table
-    from tasks.tables.stage_table import of_schema, write_stage_table
+    from tasks.tables.parquet import of_schema, write_stage_table
 
     found = smear_motion_table(read_table(edges), read_table(exposures), read_table(cameras), settings)
     write_stage_table(folder, SMEAR_MOTION, of_schema(found, SMEAR_MOTION))

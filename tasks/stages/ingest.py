@@ -64,7 +64,7 @@ def import_exposures(
     from tasks.deliveries.cameras import taken_from_registry, write_cameras
     from tasks.deliveries.film_reports import about_film_reports
     from tasks.deliveries.head_certificates import about_head_certificates
-    from tasks.tables.stage_table import write_stage_table
+    from tasks.tables.parquet import write_stage_table
 
     frame = project_frame(project)
     write_cameras(folder / "cameras.parquet", cameras)
@@ -161,7 +161,7 @@ def import_control(
     """
     from tasks.deliveries.control import control_columns
     from tasks.deliveries.distances import distance_columns
-    from tasks.tables.stage_table import write_stage_table
+    from tasks.tables.parquet import write_stage_table
 
     frame = project_frame(project)
     if sources:

@@ -15,9 +15,8 @@ from tasks.calibration.platform import AdjustedPlatform, adjusted_platforms
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table
+from tasks.tables.parquet import read_table, write_stage_table
 from tasks.tables.schemas.calibration import PLATFORM, VIRTUAL_IMAGE
-from tasks.tables.stage_table import write_stage_table
 
 _ANGLES = ("omega", "phi", "kappa")
 # Points of the grid along the shorter side of the virtual image.

@@ -18,9 +18,8 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
 from tasks.sweep.control_choice import control_chosen
-from tasks.tables.parquet import read_table
+from tasks.tables.parquet import of_schema, read_table, write_stage_table
 from tasks.tables.schemas.deliveries import CONTROL_POINTS, IMAGE_POINTS
-from tasks.tables.stage_table import of_schema, write_stage_table
 
 
 @stored("sub_block")

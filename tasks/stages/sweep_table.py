@@ -17,9 +17,8 @@ from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, read_notes, write_notes
 from tasks.store.store import stored
 from tasks.sweep.scenario import Computed, failures
-from tasks.tables.parquet import read_table
+from tasks.tables.parquet import read_table, write_stage_table
 from tasks.tables.schemas.sweep import SWEEP
-from tasks.tables.stage_table import write_stage_table
 
 Figure = str | float | int | None
 Row = dict[str, Figure]

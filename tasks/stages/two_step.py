@@ -29,9 +29,8 @@ from tasks.stages.ingest import project_frame
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table
+from tasks.tables.parquet import read_table, write_stage_table
 from tasks.tables.schemas.calibration import ORIENTATION_DIFFERENCE_MEANS, ORIENTATION_DIFFERENCES
-from tasks.tables.stage_table import write_stage_table
 
 
 @stored("two_step")

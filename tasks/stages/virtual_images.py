@@ -14,9 +14,8 @@ from tasks.settings.project import ProjectSettings
 from tasks.store.artifact import Artifact
 from tasks.store.notes import Notes, write_notes
 from tasks.store.store import stored
-from tasks.tables.parquet import read_table
+from tasks.tables.parquet import of_schema, read_table, write_stage_table
 from tasks.tables.schemas.deliveries import CAMERAS, EXPOSURES, IMAGE_POINTS
-from tasks.tables.stage_table import of_schema, write_stage_table
 
 
 @stored("virtual_images")

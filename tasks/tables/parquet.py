@@ -1,9 +1,9 @@
 """Write and read the tables of `tasks.tables.schemas`: checked, sorted, with units and frame in the file.
 
-A table is written once by one stage, at once or row group by row group. What does not fit its schema is a
-defect of that stage and raises ValueError: a missing column, a number that is not finite where it must be,
-two rows with the same key. The bytes depend on the content only: not on times, host, paths, or the pieces a
-table came in.
+A table is written once by one stage, at once or row group by row group, into the folder of the stage under
+the name of its schema. What does not fit its schema is a defect of that stage and raises ValueError: a
+missing column, a number that is not finite where it must be, two rows with the same key. The bytes depend on
+the content only: not on times, host, paths, or the pieces a table came in.
 """
 
 from __future__ import annotations
@@ -249,3 +249,21 @@ def _metadata(schema: TableSchema, frame: MapFrame | None) -> dict[str, object]:
     if frame is not None:
         described |= {"crs": frame.name, "heights": frame.heights_description}
     return described
+
+
+def write_stage_table(
+    folder: Path,
+    schema: TableSchema,
+    content: pd.DataFrame | Mapping[str, Any],
+    frame: MapFrame | None = None,
+    extra: Mapping[str, pa.Array] | None = None,
+) -> None:
+    """Write FOLDER/NAME.parquet from its columns; parameters and errors as of `write_table`."""
+    if isinstance(content, pd.DataFrame):
+        content = {str(name): column.to_numpy() for name, column in content.items()}
+    write_table(folder / f"{schema.name}.parquet", schema, content, frame, extra)
+
+
+def of_schema(table: pd.DataFrame, schema: TableSchema) -> pd.DataFrame:
+    """The columns of a schema, of a table that has others besides."""
+    return table[[column.name for column in schema.columns]]

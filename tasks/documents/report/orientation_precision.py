@@ -13,7 +13,7 @@ from tasks.document_kit.legend import Swatch, swatches
 from tasks.document_kit.row_table import number_of, numbers_of, omitted, table_of, text_of
 from tasks.document_kit.table import Cell, Column, Row, Table, decimals_for, numbers, text_column
 from tasks.documents.report.material import Material
-from tasks.documents.report.worst_residuals import MOST_LISTED
+from tasks.documents.report.residual_tables import MOST_LISTED
 
 _MDEG = 1e3
 # More places along the plot than this cannot be separated on a screen.

@@ -29,18 +29,17 @@ from tasks.documents.report import (
     provenance,
     residual_correlation,
     residual_field,
+    residual_tables,
     rig_heads,
     self_calibration,
     statements,
     strip_differences,
     surveyed_points,
-    suspicious,
     system_parameters,
     trajectories,
     trust_map,
     two_step,
     virtual_image,
-    worst_residuals,
 )
 from tasks.documents.report.material import IMAGE_POINTS, Material
 from tasks.documents.report.residual_field import ResidualField
@@ -122,7 +121,7 @@ def render(
 
 
 def _tables(material: Material, files: Sequence[str], software: Mapping[str, str]) -> tuple[Table, ...]:
-    by_image = worst_residuals.residuals_by_image(material)
+    by_image = residual_tables.residuals_by_image(material)
     return (
         key_figures.key_table(material),
         key_figures.group_table(material),
@@ -137,9 +136,9 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         orientation_precision.orientation_table(material),
         orientation_precision.orientation_list(material),
         orientation_precision.neighbour_table(material),
-        worst_residuals.worst_table(material),
-        worst_residuals.image_table(by_image),
-        *worst_residuals.strip_tables(by_image),
+        residual_tables.worst_table(material),
+        residual_tables.image_table(by_image),
+        *residual_tables.strip_tables(by_image),
         point_precision.point_table(material),
         trust_map.trust_map_table(material),
         trust_map.limits_table(material),
@@ -153,9 +152,9 @@ def _tables(material: Material, files: Sequence[str], software: Mapping[str, str
         datum.datum_table(material),
         model_tests.strongest_table(material),
         model_tests.unnoticed_table(material),
-        suspicious.rejected_table(material),
-        suspicious.uncontrolled_images(material),
-        suspicious.uncontrolled_table(material),
+        residual_tables.rejected_table(material),
+        residual_tables.uncontrolled_images(material),
+        residual_tables.uncontrolled_table(material),
         provenance.settings_table(material.project),
         provenance.files_table(material.project, files),
         provenance.versions_table(software),

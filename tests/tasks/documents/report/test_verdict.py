@@ -14,7 +14,7 @@ from tasks.documents.report.figures import gate_words
 from tasks.documents.report.histogram import standardized_table
 from tasks.documents.report.key_figures import Verdict, gate_table, rejection_note, verdict
 from tasks.documents.report.material import Material
-from tasks.documents.report.worst_residuals import MOST_OF_GROUP, worst_table
+from tasks.documents.report.residual_tables import MOST_OF_GROUP, worst_table
 from tasks.files.json_text import JSON
 from tasks.quantities import group_words
 from tasks.results.figures import AdjustmentFigures
