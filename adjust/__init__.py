@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from adjust.adjustment import adjust_block
     from adjust.block import Block
-    from adjust.camera.additional.of_cameras import self_calibration
+    from adjust.camera.additional.self_calibration import self_calibration
     from adjust.camera.interior import FrameCamera
     from adjust.errors import (
         AdditionalParametersError,
@@ -95,7 +95,7 @@ _MODULES = {
     "TopocentricFrame": "adjust.geometry.earth",
     "UnknownNameError": "adjust.errors",
     "adjust_block": "adjust.adjustment",
-    "self_calibration": "adjust.camera.additional.of_cameras",
+    "self_calibration": "adjust.camera.additional.self_calibration",
 }
 
 

@@ -21,9 +21,9 @@ from tasks.calibration.pattern_words import direction_words, height_words
 from tasks.errors import InputError
 from tasks.files.json_text import json_text
 from tasks.magnitude import trouble_in_number
-from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan, Expectation, Proposal
 from tasks.planning.plan_json import addition_words, plan_json
+from tasks.planning.request import free_from_text, selection_from_text
 from tasks.quantities import written_sigma
 from tasks.settings.load import is_project_file
 

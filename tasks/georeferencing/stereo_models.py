@@ -9,13 +9,14 @@ import pandas as pd
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.georeferencing.relative_orientation import RelativeOrientation, relative_orientation
-from adjust.georeferencing.stereo_model import (
+from adjust.georeferencing.y_parallax import (
     CommonPoints,
     StereoModels,
+    YParallaxes,
     common_points,
     consecutive_images,
+    y_parallaxes,
 )
-from adjust.georeferencing.y_parallax import YParallaxes, y_parallaxes
 from tasks.block.given_orientations import GivenOrientations
 from tasks.coordinates.local_frame import map_from_local
 from tasks.georeferencing.directly_oriented import DirectlyOriented

@@ -1,4 +1,7 @@
-"""The request of a plan: which parameters to calibrate, with which prior knowledge and limits."""
+"""The request of a plan: which parameters to calibrate, with which prior knowledge and limits.
+
+On the command line, parameters are named as in the project file.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from adjust.camera.additional.selection import NOTHING
+from adjust.camera.additional.register import REGISTER
+from adjust.camera.additional.selection import NOTHING, selected
+from adjust.errors import AdditionalParametersError
 from adjust.planning.a_priori import CalibrationModel, PlannedAdditional
 from adjust.planning.network import PlannedNetwork
 from tasks.block.block_input import refuse_heads
 from tasks.block.observation_types import prior_sigmas
 from tasks.block.self_calibration import CalibratedImages, additional_parameters_of, self_calibration_of
+from tasks.errors import InputError
+from tasks.nearest_name import did_you_mean
 from tasks.quantities import KINDS
 from tasks.settings.adjustment import AdjustmentSettings, FreeParameter, Priors, SelfCalibrationSettings
 from tasks.settings.calibration import AcceptanceLimits, CalibrationSettings
@@ -135,3 +142,41 @@ class PlanRequest:
         return PlannedAdditional(
             found.model, found.parameters, found.prior(settings.sigma_um or WEAK_EFFECT_UM)
         )
+
+
+def free_from_text(text: str) -> tuple[FreeParameter, ...]:
+    """Names separated by commas, as in `adjustment.free`.
+
+    Raises
+    ------
+    InputError
+        If one of them does not exist, or there is none.
+    """
+    names = list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in names:
+        if name not in KINDS:
+            raise InputError(
+                f"'{name}' is not a parameter that can be calibrated.", did_you_mean(name, KINDS)
+            )
+    if not names:
+        raise InputError("--free names no parameter.", f"Name at least one of: {', '.join(KINDS)}.")
+    return tuple(names)
+
+
+def selection_from_text(text: str) -> str:
+    """A selection of additional parameters, as in `adjustment.self_calibration.parameters`.
+
+    Raises
+    ------
+    InputError
+        If the register does not know it.
+    """
+    try:
+        selected(text, REGISTER)
+    except AdditionalParametersError as error:
+        raise InputError(
+            f"The additional parameters '{text}' are not known: {error}",
+            'Write for example "bluh:1-12"; docs/additional-parameters.md lists all sets.',
+            entity="--additional",
+        ) from error
+    return text.strip()

@@ -16,8 +16,8 @@ from flows.command.plan_execution import PlanOptions, execute_plan
 from flows.runs.project_run import RunRequest, carry_out
 from flows.stories.project_plan import plan_of_project, plan_of_specification
 from tasks.errors import InputError, NotComputableError
-from tasks.planning.free_names import free_from_text, selection_from_text
 from tasks.planning.plan import CalibrationPlan
+from tasks.planning.request import free_from_text, selection_from_text
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project
 from tests.flows.adjustment_alone import adjustment_alone

@@ -17,8 +17,7 @@ from adjust.geometry import rotation
 from adjust.georeferencing.error_sources import CalibrationErrors, ErrorSources
 from adjust.georeferencing.predicted_rms import PredictedRms, predicted_largest, predicted_rms
 from adjust.georeferencing.space_intersection import point_errors
-from adjust.georeferencing.stereo_model import common_points, consecutive_images
-from adjust.georeferencing.y_parallax import y_parallaxes
+from adjust.georeferencing.y_parallax import common_points, consecutive_images, y_parallaxes
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, INTERIOR_ORIENTATION
 from tests.adjust.georeferencing.flights import Flight, fly, simulated
 from tests.adjust.simulate.specifications import small_specification, without_noise

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adjust.georeferencing.stereo_model import common_points, consecutive_images
+from adjust.georeferencing.y_parallax import common_points, consecutive_images
 from adjust.observations.image_point import ImagePoints
 from tests.adjust.georeferencing.flights import Flight, fly, simulated
 

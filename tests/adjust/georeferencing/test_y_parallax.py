@@ -11,8 +11,14 @@ from adjust.arrays import Floats
 from adjust.camera.interior import FrameCamera
 from adjust.geometry import rotation
 from adjust.georeferencing.error_sources import CalibrationErrors, ErrorSources
-from adjust.georeferencing.stereo_model import CommonPoints, StereoModels, common_points, consecutive_images
-from adjust.georeferencing.y_parallax import YParallaxes, y_parallaxes
+from adjust.georeferencing.y_parallax import (
+    CommonPoints,
+    StereoModels,
+    YParallaxes,
+    common_points,
+    consecutive_images,
+    y_parallaxes,
+)
 from adjust.parameters import INTERIOR_ORIENTATION
 from adjust.simulate.flight_plan import base_of
 from adjust.simulate.noise import NoiseSpecification
