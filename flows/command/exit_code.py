@@ -10,6 +10,18 @@ from typing import NoReturn
 
 import typer
 
+DONE = 0
+DEFECT = 1
+INPUT_ERROR = 2
+NOT_COMPUTABLE = 3
+GATE_FAILED = 4
+
+OF_STATUS = {
+    "done": DONE,
+    "gate_failed": GATE_FAILED,
+    "input_error": INPUT_ERROR,
+    "not_computable": NOT_COMPUTABLE,
+}
 #: Extra that brings a library, by the name under which it is imported.
 EXTRA_OF = {
     "prefect": "server",
@@ -28,32 +40,6 @@ EXTRA_OF = {
 }
 
 
-def missing_extra(error: ImportError) -> str | None:
-    """A sentence that says what to install for a missing library; None if it belongs to no extra."""
-    library = (error.name or "").partition(".")[0]
-    extra = EXTRA_OF.get(library)
-    if extra is None:
-        return None
-    return (
-        f"This command needs {library}, which is not installed. "
-        f"Install aerocal with its extra: pip install 'aerocal[{extra}]'."
-    )
-
-
-DONE = 0
-DEFECT = 1
-INPUT_ERROR = 2
-NOT_COMPUTABLE = 3
-GATE_FAILED = 4
-
-OF_STATUS = {
-    "done": DONE,
-    "gate_failed": GATE_FAILED,
-    "input_error": INPUT_ERROR,
-    "not_computable": NOT_COMPUTABLE,
-}
-
-
 def end_with(action: Callable[[], int]) -> NoReturn:
     """Carry out a command and end with its exit code; expected errors become one line on stderr."""
     # Imported late: --help needs no error classes of the stages.
@@ -62,7 +48,7 @@ def end_with(action: Callable[[], int]) -> NoReturn:
     try:
         code = action()
     except ImportError as error:
-        sentence = missing_extra(error)
+        sentence = _missing_extra(error)
         if sentence is None:
             raise
         complain(sentence)
@@ -82,3 +68,15 @@ def complain(error: str) -> None:
 def remark(sentence: str) -> None:
     """Print a remark, which is not an error, in one line on stderr."""
     typer.secho(f"Remark: {sentence}", err=True, fg=typer.colors.YELLOW)
+
+
+def _missing_extra(error: ImportError) -> str | None:
+    """A sentence that says what to install for a missing library; None if it belongs to no extra."""
+    library = (error.name or "").partition(".")[0]
+    extra = EXTRA_OF.get(library)
+    if extra is None:
+        return None
+    return (
+        f"This command needs {library}, which is not installed. "
+        f"Install aerocal with its extra: pip install 'aerocal[{extra}]'."
+    )

@@ -46,9 +46,9 @@ def rejected_table(material: Material) -> Table:
     rejected = rejected.sort_values("ratio", ascending=False, kind="stable")
     listed = rejected.head(MOST_REJECTED)
     note = omitted(listed, rejected, 'residuals.parquet (status "rejected")', largest=True)
-    shown = (*OBSERVATION, *RESIDUAL, number_of("ratio", "|v|/σ", decimals=1))
+    shown = (*_OBSERVATION, *_RESIDUAL, number_of("ratio", "|v|/σ", decimals=1))
     return table_of(
-        "rejected", "Rejected components, the largest |v|/σ first", shown, listed, observation_key, note
+        "rejected", "Rejected components, the largest |v|/σ first", shown, listed, _observation_key, note
     )
 
 
@@ -86,11 +86,11 @@ def uncontrolled_table(material: Material) -> Table:
     others = others.sort_values("redundancy", kind="stable")
     listed = others.head(MOST_UNCONTROLLED)
     note = omitted(listed, others, "residuals.parquet")
-    shown = (*OBSERVATION, number_of("redundancy", "redundancy number", decimals=3))
-    return table_of("uncontrolled", "Other uncontrolled observations", shown, listed, observation_key, note)
+    shown = (*_OBSERVATION, number_of("redundancy", "redundancy number", decimals=3))
+    return table_of("uncontrolled", "Other uncontrolled observations", shown, listed, _observation_key, note)
 
 
-def observation_key(row: Mapping[Hashable, Any]) -> str:
+def _observation_key(row: Mapping[Hashable, Any]) -> str:
     """The key of a row of residuals.parquet."""
     return "|".join([str(row["group"]), _name(row["image"]), _name(row["point"]), str(row["component"])])
 
@@ -106,14 +106,14 @@ def _digits(row: Mapping[Hashable, Any]) -> int:
 
 
 #: Columns that identify the observation of a row of residuals.parquet.
-OBSERVATION = (
+_OBSERVATION = (
     text_of("group", "group", lambda row: group_words(row["group"])),
     text_of("image", "image", lambda row: _name(row["image"])),
     text_of("point", "point", lambda row: _name(row["point"])),
     text_of("component", "component"),
 )
 #: Its residual, σ and their unit.
-RESIDUAL = (
+_RESIDUAL = (
     number_of("residual", "v", decimals=_digits, plus=True),
     number_of("sigma", "σ a priori", decimals=_digits),
     text_of("unit", "unit", lambda row: unit_words(row["unit"])),
@@ -131,16 +131,16 @@ def worst_table(material: Material) -> Table:
     ]
     chosen = table.loc[places].assign(strip=lambda rows: material.strips_of(rows["image"]))
     shown = (
-        *OBSERVATION,
+        *_OBSERVATION,
         text_of("strip", "strip"),
-        *RESIDUAL,
+        *_RESIDUAL,
         number_of("standardized", "w", decimals=2, plus=True),
     )
     note = (
         f"The {MOST_OF_GROUP} largest of each group among the observations not rejected; all in "
         "residuals.parquet. w = v / σ of v, for an a-priori σ0 of 1."
     )
-    return table_of("worst-residuals", "Worst residuals by group", shown, chosen, observation_key, note)
+    return table_of("worst-residuals", "Worst residuals by group", shown, chosen, _observation_key, note)
 
 
 def residuals_by_image(material: Material) -> pd.DataFrame:
