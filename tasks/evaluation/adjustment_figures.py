@@ -20,8 +20,10 @@ from adjust.observations.image_point import ImagePoints
 from adjust.observations.ins_attitude import InsAttitudes
 from adjust.parameters import Quantity
 from adjust.quality.correlation_time import CorrelationTime
+from adjust.quality.late_heads import unknown_carriage
 from adjust.quality.variance_components import VarianceComponent
 from adjust.result import AdjustmentResult, GroupResult, ObservationStatus
+from adjust.rig import SYNCHRONISATION_OFFSET
 from adjust.selection.correlation import correlated_groups, correlation_matrix
 from tasks.block.block_input import SurveyedPoints
 from tasks.evaluation.result_tables import AdjustedBlock, reported_unit_of
@@ -39,10 +41,19 @@ from tasks.results.figures import (
     FreeNetworkFigure,
     GlobalTestFigure,
     GroupFigure,
+    LateHeadFigure,
     VarianceFigures,
     WeakParameters,
 )
 from tasks.settings.adjustment import AdjustmentSettings
+
+# Two parameters correlated by more than this are hardly separated; it is also 1 − λ of the weakest direction.
+CORRELATED = 0.98
+# Part of a direction (unit length) from which a parameter is named.
+_INVOLVED = 0.3
+_MOST_GROUPS, _MOST_MODES = 5, 3
+# A smaller part of a σ adds less than half a percent to it.
+_LATE_PART = 0.1
 
 
 def adjustment_figures(
@@ -195,13 +206,6 @@ def _each_axis(table: pd.DataFrame, figure) -> list[JSON] | None:  # type: ignor
     return values
 
 
-# Two parameters correlated by more than this are hardly separated; it is also 1 − λ of the weakest direction.
-CORRELATED = 0.98
-# Part of a direction (unit length) from which a parameter is named.
-_INVOLVED = 0.3
-_MOST_GROUPS, _MOST_MODES = 5, 3
-
-
 def weak_parameters(parameters: tuple[Quantity, ...], correlation: Floats) -> tuple[WeakParameters, ...]:
     """Groups of strongly correlated parameters, strongest first, and combinations that none of them explains.
 
@@ -315,3 +319,21 @@ def with_estimated_sigmas(surveyed: SurveyedPoints, result: AdjustmentResult) ->
     of_points = np.where(surveyed.is_check[:, None], 1.0, factors)
     covariance = surveyed.covariance * of_points[:, :, None] * of_points[:, None, :]
     return replace(surveyed, covariance=covariance)
+
+
+def late_head_figures(result: AdjustmentResult) -> tuple[LateHeadFigure, ...]:
+    """Heads that errors of the boresight, which σ do not contain, move by more than a tenth of a σ."""
+    (error, part), block = unknown_carriage(result), result.block
+    found = []
+    for head in np.unique(block.camera_of_image[part > _LATE_PART]):
+        image = int(np.argmax(np.where(block.camera_of_image == head, part, 0.0)))
+        offset = float(result.state.system[SYNCHRONISATION_OFFSET][head, 0])
+        found.append(
+            LateHeadFigure(
+                head=block.cameras[head].name,
+                offset_s=offset,
+                sigma_m=float(error[image]),
+                part_of_sigma=float(part[image]),
+            )
+        )
+    return tuple(found)

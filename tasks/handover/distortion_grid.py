@@ -1,8 +1,9 @@
-"""The correction of a camera's image points as regular grids, for programs that use grids, not parameters.
+"""Image points of a camera without distortion, and the correction as grids for programs that use grids.
 
-A program interpolates bilinearly between the nodes. What that leaves of the rigorous correction is the misfit; at seams of composed
-images, where the correction jumps, it is as large as the jump.
-"""  # noqa: E501
+Distortion is additional parameters and mean residuals. All are points in the image system, from the centre of
+the format. A program interpolates bilinearly between the nodes of a grid. What that leaves of the rigorous
+correction is the misfit; at seams of composed images, where the correction jumps, it is as large as the jump.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adjust.arrays import Floats
+from adjust.camera.additional.correction import measured_from_ideal
 from tasks.errors import InputError
-from tasks.handover.ideal_points import ideal_points, measured_points
 from tasks.handover.results import CalibratedCamera
 
 # Intervals along each side that are tried, and the misfit that is small enough, metres.
@@ -22,6 +23,20 @@ _ENOUGH = 0.05e-6
 _CHECKED, _LEAST_CHECKED = 5, 211
 # What no digit shows is not a correction, metres.
 _LEAST = 1e-9
+
+
+def ideal_points(camera: CalibratedCamera, measured: Floats) -> Floats:
+    """Ideal points (n, 2) of measured ones (n, 2), metres."""
+    return np.asarray(camera.corrected(measured) + np.array(camera.frame.principal_point))
+
+
+def measured_points(camera: CalibratedCamera, ideal: Floats) -> Floats:
+    """Measured points (n, 2) of ideal ones (n, 2), metres; at a seam, a nearby one."""
+    x0 = np.array(camera.frame.principal_point)
+    found, _ = measured_from_ideal(
+        camera.additional, camera.values, ideal - x0, lambda reduced: camera.mean_residuals(reduced + x0)
+    )
+    return np.asarray(found + x0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,12 +28,11 @@ from tasks.block.residual_grid_file import write_residual_grid
 from tasks.block.shared_readings import shared_readings
 from tasks.coordinates.crs import MapFrame
 from tasks.errors import NotComputableError
-from tasks.evaluation.adjustment_figures import adjustment_figures, with_estimated_sigmas
+from tasks.evaluation.adjustment_figures import adjustment_figures, late_head_figures, with_estimated_sigmas
 from tasks.evaluation.calibration_contradiction import contradiction_figures, contradictions_of
 from tasks.evaluation.check_point_test import check_point_test, tested_points
 from tasks.evaluation.distance_residuals import distance_figures, write_distance_residuals
 from tasks.evaluation.influence_table import write_parameter_influences
-from tasks.evaluation.late_heads import late_head_figures
 from tasks.evaluation.model_alternatives import model_alternatives
 from tasks.evaluation.model_test_tables import ExaminedModel, write_model_alternatives
 from tasks.evaluation.neighbour_table import write_neighbouring_images

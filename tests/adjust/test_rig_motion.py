@@ -15,7 +15,7 @@ from adjust.quality.late_heads import unknown_carriage
 from adjust.result_columns import sigma_of_images
 from adjust.rig import RELATIVE_POSITION, RELATIVE_ROTATION, SYNCHRONISATION_OFFSET
 from adjust.solve.design_matrix import design_matrix
-from tasks.evaluation.late_heads import late_head_figures
+from tasks.evaluation.adjustment_figures import late_head_figures
 from tests.adjust.scenes import DEGREE, Scene, two_strips
 
 # Largest boresight that the mounting does not contain.

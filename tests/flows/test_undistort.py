@@ -15,7 +15,7 @@ import pytest
 import rasterio
 
 from adjust.arrays import Floats
-from tasks.handover.ideal_points import measured_points
+from tasks.handover.distortion_grid import measured_points
 from tasks.handover.results import read_cameras, read_results
 from tasks.settings.load_simulation import load_simulation
 from tasks.simulation.simulate import simulate_project

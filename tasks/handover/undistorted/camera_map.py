@@ -8,7 +8,7 @@ import numpy as np
 
 from adjust.arrays import Floats
 from adjust.resampling.pixel_map import PixelMap, pixel_map
-from tasks.handover.ideal_points import ideal_points, measured_points
+from tasks.handover.distortion_grid import ideal_points, measured_points
 from tasks.handover.results import CalibratedCamera
 
 # A measured point whose own ideal point is further than this from the one that was requested belongs to

@@ -21,10 +21,9 @@ from tasks.errors import InputError
 from tasks.formats.native_csv import read_csv_control
 from tasks.handover.block_points import no_points
 from tasks.handover.delivery import Delivery
-from tasks.handover.distortion_grid import distortion_grids
+from tasks.handover.distortion_grid import distortion_grids, ideal_points
 from tasks.handover.formats.exchange import EXCHANGE, LENS
 from tasks.handover.formats.register import REGISTER
-from tasks.handover.ideal_points import ideal_points
 from tasks.handover.lens import lens_models
 from tasks.handover.receiver import hand_over
 from tasks.handover.statement import statement

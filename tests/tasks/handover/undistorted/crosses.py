@@ -13,7 +13,7 @@ from adjust.camera.interior import FrameCamera
 from adjust.residual_grid.format_cells import FormatCells, Seams
 from adjust.residual_grid.image_correction import CorrectionField
 from tasks.block.self_calibration import additional_parameters_of, image_format_of
-from tasks.handover.ideal_points import ideal_points
+from tasks.handover.distortion_grid import ideal_points
 from tasks.handover.results import CalibratedCamera
 
 PIXEL = 4e-6

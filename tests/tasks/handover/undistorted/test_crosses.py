@@ -11,7 +11,7 @@ import pytest
 import rasterio
 
 from adjust.resampling.resampled import Resampling
-from tasks.handover.ideal_points import measured_points
+from tasks.handover.distortion_grid import measured_points
 from tasks.handover.undistorted.camera_map import CameraMap, camera_map
 from tasks.handover.undistorted.undistorted_image import Work, undistort_image
 from tasks.image_files.image_reader import opened_image
