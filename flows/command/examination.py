@@ -88,7 +88,7 @@ def _differences(control: Sequence[Mapping[str, JSON]]) -> Table:
         table.add_row(
             str(point["point"]),
             str(point["rays"]),
-            *("–" if value is None else f"{value:+.3f}" for value in _difference(point)),
+            *("–" if value is None else f"{value:+z.3f}" for value in _difference(point)),
         )
     if len(control) > _MOST:
         table.caption = f"and {len(control) - _MOST:,} more, with smaller differences (--json has all)"

@@ -108,7 +108,7 @@ def _correlations(here: Expectation) -> Table:
     }
     for name, other in sorted(pairs.values(), key=lambda pair: -abs(pair[1].correlation)):
         if abs(other.correlation) >= _SHOWN_CORRELATION:
-            table.add_row(name, str(other), f"{other.correlation:+.3f}")
+            table.add_row(name, str(other), f"{other.correlation:+z.3f}")
     return table
 
 

@@ -85,7 +85,7 @@ def _parameters(comparison: TruthComparison, source: str | None) -> Table:
         right=("true", "estimated", "± σ", "error/σ"), whole=("unit",), title="\nEstimates and true values",
     )  # fmt: skip
     for item in comparison.parameters:
-        table.add_row(item.parameter, item.entity, *_numbers(item), f"{item.t:+.2f}")
+        table.add_row(item.parameter, item.entity, *_numbers(item), f"{item.t:+z.2f}")
     if source is not None:
         table.caption = f"true = {source}"
     return table

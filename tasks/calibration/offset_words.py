@@ -48,7 +48,7 @@ def _of_lever_arm(offset: OffsetSeparation) -> str:
 
 
 def _with_sigma(values: Floats, sigmas: Floats) -> str:
-    return ", ".join(f"{value:+.3f} ± {sigma:.3f}" for value, sigma in zip(values, sigmas, strict=True))
+    return ", ".join(f"{value:+z.3f} ± {sigma:.3f}" for value, sigma in zip(values, sigmas, strict=True))
 
 
 def test_words(test: NestedTest) -> str:

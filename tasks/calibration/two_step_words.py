@@ -61,7 +61,7 @@ def _of_mounting(item: CameraDifferences, result: TwoStep, group: GroupMean, err
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     difference, sigma = _differences(result, group)
     turned = np.rad2deg([difference[:3], sigma[:3]]).T
-    angles = ", ".join(f"{value:+.4f}° ± {s:.4f}°" for value, s in turned)
+    angles = ", ".join(f"{value:+z.4f}° ± {s:.4f}°" for value, s in turned)
     moved, main = "", result.main.mean.robust[3:5]
     if result.offset.tests["lever_arm_by_mounting"].probability < error_probability:
         moved = f"lever arm {_plan(main + difference[3:])} m forward, right, against {_plan(main)} m; "
@@ -86,7 +86,7 @@ def _differences(result: TwoStep, group: GroupMean) -> tuple[Floats, Floats]:
 
 def _plan(lever_arm: Floats) -> str:
     forward, right = lever_arm
-    return f"({forward:+.2f}, {right:+.2f})"
+    return f"({forward:+z.2f}, {right:+z.2f})"
 
 
 def _drifts(item: CameraDifferences, result: TwoStep) -> Iterator[str]:
@@ -96,5 +96,5 @@ def _drifts(item: CameraDifferences, result: TwoStep) -> Iterator[str]:
     for k, j in np.argwhere(notable):
         yield (
             f"Strip {item.strip_names[strips.strip[k]]}: the {COMPONENTS[j]} of the INS drifts by "
-            f"{drift[k, j]:+.4f}° ± {sigma[k, j]:.4f}° against the adjusted orientations."
+            f"{drift[k, j]:+z.4f}° ± {sigma[k, j]:.4f}° against the adjusted orientations."
         )

@@ -106,7 +106,7 @@ def _remark(moved: Floats, left_px: float, world: str) -> str:
     plan = np.linalg.norm(moved[:, :2], axis=1).max()
     return (
         f"{len(moved):,} orientations that were adjusted in map coordinates ({world}) are converted to "
-        f"rigorous ones: heights change by {moved[:, 2].min():+.2f} to {moved[:, 2].max():+.2f} m, "
+        f"rigorous ones: heights change by {moved[:, 2].min():+z.2f} to {moved[:, 2].max():+z.2f} m, "
         f"horizontal positions by up to {plan:.2f} m; {left_px:.2f} pixels of error of that program's "
         "model remain."
     )

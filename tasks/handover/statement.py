@@ -303,7 +303,7 @@ def _about_fit(delivery: Delivery) -> list[str]:
     moved = handed.pose.centre - images.map_pose.centre
     changed = (
         "Orientations were fitted to the program's model: they are NO LONGER camera positions (heights "
-        f"changed by {moved[:, 2].min():+.2f} to {moved[:, 2].max():+.2f} m). Never compare them with "
+        f"changed by {moved[:, 2].min():+z.2f} to {moved[:, 2].max():+z.2f} m). Never compare them with "
         "GNSS; the rigorous ones are in eo_rigorous.csv."
     )
     focal = {

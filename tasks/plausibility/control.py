@@ -116,7 +116,7 @@ def check_control(
     names = [differences.point[i] for i in np.argsort(-distance, kind="stable") if far[i]]
     worst = differences.point.index(names[0])
     known = zip(("east", "north", "up"), differences.enu[worst], strict=True)
-    off = ", ".join(f"{axis} {value:+,.1f} m" for axis, value in known if np.isfinite(value))
+    off = ", ".join(f"{axis} {value:+z,.1f} m" for axis, value in known if np.isfinite(value))
     listed = f" ({len(names)} such points: {some_of(names)})"
     found = (
         f"The {int(differences.rays[worst])} rays intersect {distance[worst]:,.1f} m from the given position "

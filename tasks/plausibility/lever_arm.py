@@ -144,4 +144,4 @@ def _words(axes: list[str]) -> str:
 def _metres(vector: Floats, told: Bools | None = None) -> str:
     """Components in metres, a question mark for those that cannot be determined."""
     known = np.ones(3, dtype=bool) if told is None else told
-    return ", ".join(f"{value:+.2f}" if k else "?" for value, k in zip(vector, known, strict=True))
+    return ", ".join(f"{value:+z.2f}" if k else "?" for value, k in zip(vector, known, strict=True))

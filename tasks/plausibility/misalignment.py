@@ -51,7 +51,7 @@ class Misalignment:
     def sentence(self) -> str:
         """The result as a sentence."""
         found = "; ".join(
-            f"camera {name} roll {roll:+.2f}°, pitch {pitch:+.2f}°, yaw {yaw:+.2f}°"
+            f"camera {name} roll {roll:+z.2f}°, pitch {pitch:+z.2f}°, yaw {yaw:+z.2f}°"
             for name, (roll, pitch, yaw) in zip(
                 self.given.mountings.names, np.rad2deg(self.angles), strict=True
             )

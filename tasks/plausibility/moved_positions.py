@@ -109,7 +109,7 @@ def _fitted_arm(delivered: Delivered, misses: TieMisses) -> list[tuple[float, Mi
     arm, left = _fitted(misses, at_camera, 2, 1.0)
     if np.abs(arm[0]) > _ALONG * np.linalg.norm(arm) and np.isfinite(delivered.given.time_s).all():
         return []
-    text = f"({arm[0]:+.2f}, {arm[1]:+.2f}) m forward, right"
+    text = f"({arm[0]:+z.2f}, {arm[1]:+z.2f}) m forward, right"
     names = delivered.given.mountings.names
     return [
         (
@@ -137,7 +137,7 @@ def _fitted_time(delivered: Delivered, misses: TieMisses) -> list[tuple[float, M
                 f"The times of the exposures look {1e3 * abs(offset[0]):.0f} ms "
                 f"{'early' if offset[0] > 0.0 else 'late'}: all positions are displaced along the flight "
                 "direction.",
-                (f"a time offset of {offset[0]:+.3f} s",),
+                (f"a time offset of {offset[0]:+z.3f} s",),
                 "Correct the times of the events, or estimate the offset.",
                 'adjustment.free = [..., "time_offset"]',
             ),

@@ -15,7 +15,6 @@ from tasks.results.figures import (
     GlobalTestFigure,
     GroupFigure,
     LateHeadFigure,
-    RegisteredCalibrationFigure,
     SharedMoments,
     TrustMapGrid,
 )
@@ -129,7 +128,7 @@ def rejection_sentences(figures: AdjustmentFigures) -> Iterator[str]:
         yield _inseparable_words(figures)
     for group in figures.groups:
         if group.uncontrolled and group.group in _UNCONTROLLED:
-            yield _uncontrolled_words(group, figures.uncontrolled_control)
+            yield _uncontrolled_words(group, figures)
 
 
 def _inseparable_words(figures: AdjustmentFigures) -> str:
@@ -149,8 +148,9 @@ def _inseparable_words(figures: AdjustmentFigures) -> str:
     )
 
 
-def _uncontrolled_words(group: GroupFigure, of_control: Sequence[str]) -> str:
+def _uncontrolled_words(group: GroupFigure, figures: AdjustmentFigures) -> str:
     """How many coordinates nothing controls, which of control points, and what follows from it."""
+    tested = figures.critical_value is not None
     (one, several), such_as = _UNCONTROLLED[group.group]
     it, was = ("it", "It was") if group.uncontrolled == 1 else ("them", "They were")
     words = (
@@ -158,10 +158,12 @@ def _uncontrolled_words(group: GroupFigure, of_control: Sequence[str]) -> str:
     )
     if group.group == "control_points":
         return (
-            f"{words}{such_as}): {some_names(of_control)}. A gross error in {it} may remain undetected or "
-            f"resemble a tilt or scale of the control; {was.lower()} not tested for rejection."
+            f"{words}{such_as}): {some_names(figures.uncontrolled_control)}. A gross error in {it} may remain "
+            "undetected or resemble a tilt or scale of the control"
+            f"{f'; {was.lower()} not tested for rejection' if tested else ''}."
         )
-    return f"{words}{such_as}): a gross error in {it} would not be detected. {was} not tested."
+    not_tested = f" {was} not tested." if tested else ""
+    return f"{words}{such_as}): a gross error in {it} would not be detected.{not_tested}"
 
 
 def rejected_control_words(names: Sequence[str]) -> str:
@@ -190,16 +192,24 @@ def free_network_sentences(free: FreeNetworkFigure | None) -> Iterator[str]:
         )
 
 
-def registered_calibration_sentences(found: Sequence[RegisteredCalibrationFigure]) -> Iterator[str]:
+def given_ground(figures: AdjustmentFigures) -> str:
+    """What states where the block lies: ``control and GNSS``; empty: neither does."""
+    groups = {group.group for group in figures.groups}
+    words = (("control_points", "control"), ("gnss_positions", "GNSS"))
+    return " and ".join(name for group, name in words if group in groups)
+
+
+def registered_calibration_sentences(figures: AdjustmentFigures) -> Iterator[str]:
     """Which calibration of the registry does not fit the block."""
-    for item in found:
+    ground = given_ground(figures)
+    error = f"an error of its {ground.replace(' and ', ' or ')}, or σ" if ground else "σ"
+    for item in figures.registered_calibrations:
         if item.contradicted:
             yield (
                 f"The block contradicts the calibration of camera {item.camera} in the registry: T is "
                 f"{item.statistic:.1f} with {item.freedom} degrees of freedom, a value exceeded by chance in "
                 f"{100.0 * item.probability:.2g} % of all blocks. The camera or its mounting has changed, or "
-                "the block has an error of its control or GNSS, or σ that are too small: find the cause, or "
-                "recalibrate."
+                f"the block has {error} that are too small: find the cause, or recalibrate."
             )
 
 

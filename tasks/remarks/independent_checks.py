@@ -16,8 +16,13 @@ _WAYS = ("east", "north", "up")
 _MOST_DISTANCES = 5
 
 
-def check_point_sentences(test: CheckPointTest | None) -> Iterator[str]:
-    """Root mean squares and means not expected from the standard deviations, too small ones as well."""
+def check_point_sentences(test: CheckPointTest | None, ground: str) -> Iterator[str]:
+    """Root mean squares and means not expected from the standard deviations, too small ones as well.
+
+    Parameters
+    ----------
+    ground : what states where the block lies, see `given_ground`.
+    """
     if test is None:
         return
     found = (test.rmse_m, test.predicted_low_m, test.predicted_high_m, test.mean_m, test.mean_limit_m)
@@ -43,8 +48,7 @@ def check_point_sentences(test: CheckPointTest | None) -> Iterator[str]:
         yield (
             f"The check points are beyond their limits: {'; '.join(beyond)} ({with_probability}, from the σ "
             "of the adjusted points and of the survey). The cause is an error that the stated σ do not "
-            "include: check datum, height system and survey of the check points against those of control "
-            "and GNSS, and the interior orientation."
+            f"include: {check_survey_words(ground)}, and the interior orientation."
         )
     if small:
         yield (
@@ -52,6 +56,12 @@ def check_point_sentences(test: CheckPointTest | None) -> Iterator[str]:
             f"{'; '.join(small)} ({with_probability}). The σ of the survey or of the observations are stated "
             "too large, or the check points are not independent of the control."
         )
+
+
+def check_survey_words(ground: str) -> str:
+    """What to check where check points differ alike."""
+    against = f" against those of {ground}" if ground else ""
+    return f"check datum, height system and survey of the check points{against}"
 
 
 def distance_sentences(table: pd.DataFrame, confidence: float) -> Iterator[str]:

@@ -295,14 +295,18 @@ def _finding(
         moves=moves,
         moved_by=moved_by,
         sentence=sentence,
+        alike_points=tuple(sorted(_points(others) - {entity})),
     )
+
+
+def _points(others: Iterable[str]) -> set[str]:
+    """The control points among what looks alike: "control point z of C012"."""
+    return {other.partition(" of ")[2] for other in others if other.startswith("control point ")}
 
 
 def _of_rejection(kind: str, entity: str, others: Iterable[str]) -> str:
     """What rejection would do; of control points that look alike it rejects none."""
-    points = [other for other in others if other.startswith("control point ")]
-    alike = kind == "control_point" and any(not other.endswith(f" of {entity}") for other in points)
-    return _NO_REJECTION if alike else _REJECT
+    return _NO_REJECTION if kind == "control_point" and _points(others) - {entity} else _REJECT
 
 
 def _is_small(row: Mapping[Hashable, object]) -> bool:

@@ -205,7 +205,10 @@ class ResidualGridFigure(Figure):
 
 
 class ModelFinding(Figure):
-    """One cause of model_alternatives.parquet, the kind without its axis; ``moved_by`` in σ of ``moves``."""
+    """One cause of model_alternatives.parquet, the kind without its axis; ``moved_by`` in σ of ``moves``.
+
+    ``alike_points`` are other control points an error of which would look nearly the same.
+    """
 
     rank: int
     quantity: str
@@ -216,6 +219,7 @@ class ModelFinding(Figure):
     moves: str
     moved_by: float
     sentence: str
+    alike_points: tuple[str, ...] = ()
 
 
 class StripScatter(Figure):

@@ -106,7 +106,7 @@ class TruthComparison:
     def contradictions(self) -> tuple[str, ...]:
         """Sentences about estimates that do not agree with the truth within their standard deviations."""
         found = [
-            f"{item.parameter} of {item.entity} is wrong by {item.t:+.1f} of its standard deviation."
+            f"{item.parameter} of {item.entity} is wrong by {item.t:+z.1f} of its standard deviation."
             for item in self.parameters
             if not abs(item.t) <= _LARGEST_T
         ]

@@ -13,6 +13,7 @@ import pandas as pd
 from tasks.files.json_text import JSON
 from tasks.remarks.adjustment import (
     free_network_sentences,
+    given_ground,
     global_test_sentences,
     group_sentences,
     late_head_sentences,
@@ -74,8 +75,8 @@ def _of_tests(
     findings: tuple[ModelFinding, ...],
 ) -> Iterator[str]:
     """What contradicts the block: calibrations, check points and distances, alternatives of its model."""
-    yield from registered_calibration_sentences(figures.registered_calibrations)
-    yield from check_point_sentences(summary.check_point_test)
+    yield from registered_calibration_sentences(figures)
+    yield from check_point_sentences(summary.check_point_test, given_ground(figures))
     if summary.distances is not None:
         yield from distance_sentences(distances, summary.distances.confidence)
     yield from (item.sentence for item in findings)

@@ -373,6 +373,7 @@ def test_of_control_heights_that_cannot_be_told_from_each_other_none_is_rejected
     assert f"Image points with standardized residuals above 4.13 were therefore kept ({len(large)})" in said
     (finding,) = findings(found.directory)
     assert finding["quantity"] == "control_point"
+    assert {finding["entity"], *finding["alike_points"]} <= suspects  # type: ignore[misc]
 
 
 @pytest.mark.parametrize("number", [4, 6])

@@ -271,7 +271,7 @@ def _principal_point(frame: _Frame, x0_y0_um: tuple[float, float]) -> Markup:
     dx, dy = (0.0, 0.0) if length == 0.0 else (v / length * _OFFSET for v in x0_y0_um)
     x, y, colour = frame.middle[0] + dx, frame.middle[1] - dy, palette.ACCENT
     cross = f"M{markup.number(x - 6)},{markup.number(y)}h12M{markup.number(x)},{markup.number(y - 6)}v12"
-    x0, y0 = (f"{value:+.1f}".replace("-", "−") for value in x0_y0_um)
+    x0, y0 = (f"{value:+z.1f}".replace("-", "−") for value in x0_y0_um)
     below = frame.middle[1] + _OFFSET + 34
     return markup.group(
         "principal-point",

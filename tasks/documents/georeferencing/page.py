@@ -87,7 +87,7 @@ def difference_map(material: CheckMaterial) -> Markup:
         if scale is not None:
             parts += arrows(row, place, scale)
         shown = [
-            f"d{axis} {float(str(row[f'd{axis}_m'])):+.3f} m"
+            f"d{axis} {float(str(row[f'd{axis}_m'])):+z.3f} m"
             for axis in "xyz"
             if np.isfinite(float(str(row[f"d{axis}_m"])))
         ]

@@ -118,7 +118,7 @@ def _rings(
     named: set[str] = set()
     for cause in found:
         own = images[images["image"].isin(cause.images)]
-        points = surveyed[surveyed["point"] == cause.point]
+        points = surveyed[surveyed["point"].isin(cause.points)]
         if len(own) > _MOST_RINGS:
             continue
         for place in pd.concat([own, points])[["x_m", "y_m"]].to_numpy(np.float64):
@@ -303,7 +303,7 @@ def _words(row: Mapping[Hashable, Any], is_check: bool, took_part: bool) -> str:
     if not took_part:
         return f"{kind} {row['point']}: not used"
     shown = [
-        f"{name} {float(str(row[f'{name}_m'])):+.3f} m"
+        f"{name} {float(str(row[f'{name}_m'])):+z.3f} m"
         for name in ("dx", "dy", "dz")
         if np.isfinite(float(row[f"{name}_m"]))
     ]

@@ -19,7 +19,14 @@ from tasks.calibration.verdicts import REFUSED, RESTRICTED
 from tasks.documents.report.material import IMAGE_POINTS, TOOK_PART, Material
 from tasks.documents.report.surveyed_differences import AXES
 from tasks.quantities import group_words, unit_words
-from tasks.remarks.adjustment import global_test_words, misfit_words, rejected_control_words
+from tasks.remarks.adjustment import (
+    given_ground,
+    global_test_words,
+    misfit_words,
+    rejected_control_words,
+    some_names,
+)
+from tasks.remarks.independent_checks import check_survey_words
 from tasks.results.figures import GroupFigure, ModelFinding
 
 #: Places on the first screen; more are in the tables.
@@ -63,14 +70,14 @@ class Cause:
     sentence : what is wrong there, and what to check.
     group : the observations in which it shows; empty: not known.
     images : those behind it; empty: it is of no images.
-    point : the control or check point behind it; empty: none.
+    points : the control or check point behind it, or those one of which it is.
     """
 
     place: str
     sentence: str
     group: str = ""
     images: frozenset[str] = frozenset()
-    point: str = ""
+    points: tuple[str, ...] = ()
 
 
 def causes(material: Material) -> tuple[Cause, ...]:
@@ -128,7 +135,9 @@ def _of_finding(material: Material, finding: ModelFinding) -> Cause:
     if finding.quantity in _OF_IMAGES:
         return Cause(f"image {finding.entity}", finding.sentence, group, frozenset([finding.entity]))
     if finding.quantity == "control_point":
-        return Cause(f"control point {finding.entity}", finding.sentence, group, point=finding.entity)
+        points = _suspected(material, finding)
+        place = f"one of the control points {some_names(points)}" if points[1:] else f"control point {points[0]}"
+        return Cause(place, finding.sentence, group, points=points)
     if finding.scope != "all":
         place = f"{finding.scope} {finding.part}"
         images = material.oriented
@@ -143,6 +152,13 @@ def _of_finding(material: Material, finding: ModelFinding) -> Cause:
     if finding.entity in material.cameras:
         return Cause(f"camera {finding.entity}", finding.sentence, group)
     return Cause("all exposures", finding.sentence, group)
+
+
+def _suspected(material: Material, finding: ModelFinding) -> tuple[str, ...]:
+    """The control points one of which is wrong, as far as the block can tell."""
+    inseparable = material.figures.inseparable_control
+    others = inseparable if finding.entity in inseparable else ()
+    return tuple(sorted({finding.entity, *finding.alike_points, *others}))
 
 
 def _rejected(material: Material) -> Iterator[Cause]:
@@ -199,7 +215,7 @@ def _rejected_one(row: Mapping[Hashable, Any]) -> Cause:
     words = group_words(group)
     if group == "control_points":
         sentence = f"It was rejected and not used as control: {size}. Check its coordinates and its images."
-        return Cause(f"control point {point}", sentence, group, point=point)
+        return Cause(f"control point {point}", sentence, group, points=(point,))
     if image:
         words = _ITS_OWN.get(group, words)
         sentence = f"Its {words} was rejected: {size}. Check its time and its solution."
@@ -259,8 +275,8 @@ def _check_points(material: Material) -> Iterator[Cause]:
     if common:
         size = ", ".join(f"{axis} {_signed(shift, '.3f')} m" for axis, shift in common.items())
         sentence = (
-            f"They differ alike: median of computed − given {size}. So many must have a common cause: check "
-            "datum, height system and survey of the check points against those of control and GNSS."
+            f"They differ alike: median of computed − given {size}. So many must have a common cause: "
+            f"{check_survey_words(given_ground(material.figures))}."
         )
         yield Cause("the check points", sentence)
     d, sigma = (table[[p.format(axis) for axis in AXES]].to_numpy(np.float64) for p in ("{}_m", "sigma_{}_m"))
@@ -278,7 +294,7 @@ def _check_points(material: Material) -> Iterator[Cause]:
             "measurement in the images."
         )
         point = str(table["point"].iloc[k])
-        yield Cause(f"check point {point}", sentence, point=point)
+        yield Cause(f"check point {point}", sentence, points=(point,))
 
 
 def _signed(value: float, form: str) -> str:

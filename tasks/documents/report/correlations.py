@@ -104,7 +104,7 @@ def _cells(left: float, top: float, side: float, values: Floats, names: Sequence
         value = float(values[row, column])
         x, y, size = left + column * side, top + row * side, side - min(1.0, 0.08 * side)
         if all_told or abs(value) >= _LEAST_TOLD:
-            words = f"{names[row]} and {names[column]}: {value:+.3f}"
+            words = f"{names[row]} and {names[column]}: {value:+z.3f}"
             told.append(_told_cell(x, y, size, value, words))
         elif abs(value) >= _LEAST_DRAWN:
             length = markup.number(size)

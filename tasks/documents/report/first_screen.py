@@ -69,7 +69,7 @@ def places(
 
 def _row_of(material: Material, cause: Cause, tables: Mapping[str, Table]) -> tuple[str, str] | None:
     """The table and the key of the row that shows a cause; None without one."""
-    wanted: list[tuple[str, str]] = [(name, cause.point) for name in _OF_POINT if cause.point]
+    wanted = [(name, point) for point in cause.points for name in _OF_POINT]
     if len(cause.images) == 1:
         wanted.append(("image-list", next(iter(cause.images))))
     elif cause.images:

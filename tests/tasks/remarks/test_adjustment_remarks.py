@@ -7,6 +7,7 @@ import pytest
 
 from tasks.remarks.adjustment import (
     free_network_sentences,
+    given_ground,
     global_test_sentences,
     group_sentences,
     late_head_sentences,
@@ -16,7 +17,11 @@ from tasks.remarks.adjustment import (
     shared_moment_sentences,
     trust_map_sentences,
 )
-from tasks.remarks.independent_checks import check_point_sentences, distance_sentences
+from tasks.remarks.independent_checks import (
+    check_point_sentences,
+    check_survey_words,
+    distance_sentences,
+)
 from tasks.remarks.observation_sigmas import (
     correlation_time_sentences,
     unestimated_sentences,
@@ -64,7 +69,7 @@ CAMERA_GRID = CameraGridFigure(
 )
 
 
-def control(**changed: float) -> GroupFigure:
+def control(**changed: object) -> GroupFigure:
     usual = {"group": "control_points", "observations": 30, "redundancy": 25.0, "sigma0": 1.0, "rows": 10}
     return GroupFigure.model_validate({**usual, **changed})
 
@@ -97,7 +102,7 @@ def test_a_number_beyond_its_limit_does_not_look_like_it() -> None:
         confidence=0.95,
         over_limit=1.01,
     )
-    (sentence,) = check_point_sentences(test)
+    (sentence,) = check_point_sentences(test, "control")
     assert "RMS east 0.0393 m, expected 0.0090 to 0.0391 m" in sentence
     assert "mean east -0.02504 m, expected within ±0.02500 m" in sentence
 
@@ -117,10 +122,28 @@ def test_differences_smaller_than_expected_are_named_too() -> None:
         confidence=0.95,
         over_limit=0.5,
     )
-    (sentence,) = check_point_sentences(test)
+    (sentence,) = check_point_sentences(test, "control")
     assert "smaller than expected from their σ: RMS east 0.0089 m, expected 0.0090 to 0.0400 m" in sentence
     enough = test.model_copy(update={"rmse_m": (0.0091, 0.02, 0.02)})
-    assert not [*check_point_sentences(enough)]
+    assert not [*check_point_sentences(enough, "control")]
+
+
+@pytest.mark.parametrize(
+    ("observed", "against"),
+    [
+        (("control_points", "gnss_positions"), " against those of control and GNSS"),
+        (("image_points", "control_points"), " against those of control"),
+        (("gnss_positions",), " against those of GNSS"),
+        (("image_points", "distances"), ""),
+    ],
+)
+def test_check_points_are_to_be_compared_with_what_is_observed(
+    observed: tuple[str, ...], against: str
+) -> None:
+    figures = AdjustmentFigures(groups=tuple(control(group=name) for name in observed))
+    assert check_survey_words(given_ground(figures)) == (
+        f"check datum, height system and survey of the check points{against}"
+    )
 
 
 def test_distances_beyond_their_limits_and_rejected_ones_are_named_in_millimetres() -> None:
@@ -144,11 +167,15 @@ def test_a_registered_calibration_that_the_block_contradicts_is_named_with_its_c
         camera="A", use="considered", parameters=3, statistic=24.5, freedom=3, probability=2e-5,
         contradicted=True,
     )  # fmt: skip
+    found = (figure, figure.model_copy(update={"camera": "B", "contradicted": False}))
     (sentence,) = registered_calibration_sentences(
-        (figure, figure.model_copy(update={"camera": "B", "contradicted": False}))
+        AdjustmentFigures(registered_calibrations=found, groups=(control(),))
     )
     assert "camera A in the registry: T is 24.5 with 3 degrees of freedom" in sentence
     assert "exceeded by chance in 0.002 % of all blocks" in sentence
+    assert "the block has an error of its control, or σ that are too small" in sentence
+    (sentence,) = registered_calibration_sentences(AdjustmentFigures(registered_calibrations=found))
+    assert "the block has σ that are too small" in sentence
 
 
 def test_no_redundancy_is_named_before_a_failed_test() -> None:
@@ -208,8 +235,9 @@ def test_rejections_name_control_points_and_given_up_points() -> None:
     assert given_up.startswith("7 object points were removed")
     assert "P0, P1, P2, P3, P4 and 2 more" in given_up
     assert uncontrolled.startswith("4 image coordinates are uncontrolled")
+    assert uncontrolled.endswith(" They were not tested.")
     (only,) = rejection_sentences(figures.model_copy(update={"critical_value": None}))
-    assert only == uncontrolled
+    assert only == uncontrolled.removesuffix(" They were not tested.")
 
 
 @pytest.mark.parametrize(("number", "words"), [(1, "coordinate … is"), (12, "coordinates … are")])
@@ -227,6 +255,8 @@ def test_control_points_whose_errors_nothing_would_show_are_counted(number: int,
         in sentence
     )
     assert sentence.endswith("tested for rejection.")
+    (sentence,) = rejection_sentences(figures.model_copy(update={"critical_value": None}))
+    assert sentence.endswith("resemble a tilt or scale of the control.")
 
 
 def test_a_single_one_is_spoken_of_as_one() -> None:

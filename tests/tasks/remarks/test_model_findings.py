@@ -123,19 +123,20 @@ def test_rejection_is_advised_only_where_nothing_is_rejected() -> None:
 @pytest.mark.parametrize(
     ("alike", "others"),
     [
-        ("control scale, control point z of C049", True),
-        ("control height scale, control point x of C001", False),
+        ("control scale, control point z of C049", ("C049",)),
+        ("control height scale, control point x of C001", ()),
     ],
 )
 def test_rejection_is_not_advised_where_it_cannot_tell_which_control_point_is_wrong(
-    alike: str, others: bool, rejecting: bool
+    alike: str, others: tuple[str, ...], rejecting: bool
 ) -> None:
     rows = pd.DataFrame([row("control_point_z", 1, 3.79, entity="C001", alike=alike)])
     (found,) = model_findings(rows, rejecting=rejecting)
     assert ("or reject gross errors (adjustment.rejection)" in found.sentence) == (
         not others and not rejecting
     )
-    assert ("cannot determine which of them is wrong" in found.sentence) == (others and not rejecting)
+    assert ("cannot determine which of them is wrong" in found.sentence) == (bool(others) and not rejecting)
+    assert found.alike_points == others
 
 
 def test_the_same_thing_in_two_strips_is_two_causes() -> None:

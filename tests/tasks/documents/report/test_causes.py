@@ -208,6 +208,26 @@ def test_every_finding_has_a_place(finding: dict[str, object], place: str) -> No
     assert [cause.place for cause in found] == [place]
 
 
+@pytest.mark.parametrize(
+    ("entity", "alike", "inseparable", "place"),
+    [
+        ("2", ("1",), (), "one of the control points 1, 2"),
+        ("2", ("1",), ("2", "3"), "one of the control points 1, 2, 3"),
+        ("2", (), ("1", "3"), "control point 2"),
+    ],
+)
+def test_control_points_that_cannot_be_told_from_each_other_are_one_place(
+    entity: str, alike: tuple[str, ...], inseparable: tuple[str, ...], place: str
+) -> None:
+    of_all = {"quantity": "control_point", "scope": "all", "part": "", "alike_points": alike}
+    findings = [_finding("It is too high.", entity=entity, **of_all)]
+    figures: dict[str, JSON] = {"model_findings": findings, "inseparable_control": inseparable}
+    found = causes(_material(_residuals({}), figures))
+    assert [cause.place for cause in found] == [place]
+    (named,), _ = places(_material(_residuals({})), found, TABLES, Markup(""))
+    assert named.links == (("table", f"control-points-row-{found[0].points[0]}"),)
+
+
 @pytest.mark.parametrize(("number", "named"), [(4, False), (5, True)])
 def test_an_image_of_which_much_was_rejected_is_named(number: int, named: bool) -> None:
     points = {("image_points", f"B1:p{k}"): 9.0 for k in range(number)}
