@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import logging
 import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +28,12 @@ import platformdirs
 from numba.core import caching
 from numba.core.compiler_lock import global_compiler_lock
 
+_log = logging.getLogger("aerocal")
+
 #: How often it is looked whether another process has compiled a kernel, s.
 _LOOK_S = 0.02
+# No kernel takes longer to compile, except on a machine with much else to do.
+_PATIENCE_S = 10.0
 
 _SOURCES = Path(__file__).resolve().parent
 
@@ -132,16 +138,37 @@ def _lock_of(name: str) -> Iterator[None]:
     except OSError:
         yield
         return
+    told_at = time.monotonic() + _PATIENCE_S
     try:
         # Not in the system call: a signal that comes just before it would be heard of only after it.
         while not _locked(handle):
             time.sleep(_LOOK_S)
+            if time.monotonic() > told_at:
+                _tell_whom_it_waits_for(os.pread(handle, 300, 0).decode(errors="replace"))
+        _record_holder(handle)
         yield
     finally:
         # A forked process shares the lock, so closing alone would not end it.
         with suppress(OSError):
             fcntl.flock(handle, fcntl.LOCK_UN)
         os.close(handle)
+
+
+def _record_holder(handle: int) -> None:
+    """Write who holds a lock into its file, for the message to others only."""
+    with suppress(OSError):
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, f"{os.getpid()} of {os.uname().nodename}".encode(), 0)
+
+
+@cache
+def _tell_whom_it_waits_for(holder: str) -> None:
+    """Say once for which process this one waits, and what to do."""
+    _log.warning(
+        "waiting for process %s, which compiles kernels. If it is stopped, let it continue (kill -CONT) or end "
+        "it (kill -KILL), or set AEROCAL_KERNEL_CACHE to another folder",
+        holder or "unknown",
+    )
 
 
 def _locked(handle: int) -> bool:

@@ -8,12 +8,15 @@ from __future__ import annotations
 import errno
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from sqlalchemy import Connection, text
+from sqlalchemy.exc import DBAPIError
 
+from flows.server.child import Say
+from flows.server.watch import Repeated
 from tasks.database.errors import in_words
 from tasks.files.installation import InstallationError
 from tasks.files.machine import machine
@@ -24,6 +27,8 @@ from tasks.store.run_lock import lock_if_free
 _LOOK_S = 2.0
 #: In the inbox.
 _LOCK_FILE = ".aerocal.lock"
+#: Seconds between two looks whether the database still knows the lock.
+_EVERY_S = 5.0
 #: Any two numbers, the same in every process.
 _LOCK_NUMBERS = {"kind": 0x6165726F, "lock": 0x73657276}
 _TRY = text("SELECT pg_try_advisory_lock(:kind, :lock)")
@@ -35,31 +40,108 @@ _HOLDER = text(
 _KEEPALIVE = {"tcp_keepalives_idle": "30", "tcp_keepalives_interval": "10", "tcp_keepalives_count": "3"}
 
 
+class AnotherServerError(InstallationError):
+    """Another server uses the database."""
+
+
+class DatabaseClaim:
+    """The lock of a PostgreSQL database, which is the database's and ends with the connection."""
+
+    def __init__(self, records: Records) -> None:
+        self._records = records
+        self._connection: Connection | None = None
+        self._taken: AnotherServerError | None = None
+
+    def take(self) -> None:
+        """Take the lock.
+
+        Raises
+        ------
+        AnotherServerError
+            If another server holds it.
+        InstallationError
+            If the database cannot be reached.
+        """
+        with in_words(self._records.address):
+            connection = self._records.engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+            try:
+                _hold_database(connection, self._records)
+            except BaseException:
+                _end(connection)
+                raise
+        self._connection = connection
+
+    def keep(self, _is_over: Callable[[], bool] = lambda: False) -> None:
+        """Take the lock again if the database was restarted since; it has then forgotten it.
+
+        Raises
+        ------
+        InstallationError
+            If the database cannot be reached.
+        """
+        if self._taken is not None or (self._connection is not None and _is_alive(self._connection)):
+            return
+        self.release()
+        try:
+            self.take()
+        except AnotherServerError as error:
+            self._taken = error
+
+    def look(self) -> None:
+        """Look whether another server has taken the database in between.
+
+        Raises
+        ------
+        AnotherServerError
+            If it has.
+        """
+        if self._taken is not None:
+            raise self._taken
+
+    def release(self) -> None:
+        """Let go of the database."""
+        if self._connection is not None:
+            _end(self._connection)
+        self._connection = None
+
+
 @contextmanager
-def only_server_of(records: Records) -> Iterator[None]:
+def only_server_of(records: Records, say: Say) -> Iterator[DatabaseClaim]:
     """Be the only server of a PostgreSQL database while the context lasts.
 
-    The lock is the database's and ends with the connection. A SQLite file is held by the lock of the state
-    folder (`flows.server.state_file`).
+    A SQLite file is held by the lock of the state folder (`flows.server.state_file`).
 
     Raises
     ------
     InstallationError
         If another server holds it, or it cannot be reached.
     """
+    claim = DatabaseClaim(records)
     if records.address.is_file:
-        yield
+        yield claim
         return
-    with in_words(records.address):
-        connection = records.engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+    trouble = "It cannot be ensured that this is the only server of its database"
     try:
-        with in_words(records.address):
-            _hold_database(connection, records)
-        yield
+        claim.take()
+        with Repeated(claim.keep, _EVERY_S, say, trouble, grace_s=5.0):
+            yield claim
     finally:
-        # Not handed back first, which fails if the database was restarted since.
-        connection.invalidate()
-        connection.close()
+        claim.release()
+
+
+def _is_alive(connection: Connection) -> bool:
+    try:
+        connection.execute(text("SELECT 1"))
+    # Of a broken connection the driver lets some errors pass as they are.
+    except (DBAPIError, OSError):
+        return False
+    return True
+
+
+def _end(connection: Connection) -> None:
+    # Not handed back first, which fails if the database was restarted since.
+    connection.invalidate()
+    connection.close()
 
 
 def _hold_database(connection: Connection, records: Records) -> None:
@@ -71,7 +153,7 @@ def _hold_database(connection: Connection, records: Records) -> None:
     while not connection.execute(_TRY, _LOCK_NUMBERS).scalar():
         if time.monotonic() > until:
             holder = connection.execute(_HOLDER, _LOCK_NUMBERS).scalar() or "unknown"
-            raise InstallationError(
+            raise AnotherServerError(
                 f"Another server uses the database {records.address} ({holder}).",
                 "Stop it first, or give this one another --database. More runs at the same time: --limit, "
                 "aerocal runner.",

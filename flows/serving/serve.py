@@ -23,7 +23,7 @@ from zoneinfo import ZoneInfo
 
 from flows.server.api import Api
 from flows.server.child import Child, Lifeline, Requests, Say, Supervised, requests_to_end
-from flows.server.claims import claimed, only_server_of
+from flows.server.claims import DatabaseClaim, claimed, only_server_of
 from flows.server.inbox import MANUAL
 from flows.server.prefect_settings import prepare_prefect, require_server, server_address
 from flows.server.server_process import (
@@ -74,8 +74,9 @@ def serve(settings: Settings, say: Say) -> int:
     Raises
     ------
     InstallationError
-        If a port is taken, another server of this user runs, one has this database or inbox, the path for
-        temporary files is too long, or a child does not start, or ends again and again.
+        If a port is taken, another server of this user runs, one has this database or inbox, or takes the
+        database while it is restarted, the path for temporary files is too long, or a child does not start,
+        or ends again and again.
     """
     settings.address.require_free()
     settings.overview.require_free("--overview-port")
@@ -91,10 +92,10 @@ def serve(settings: Settings, say: Say) -> int:
     with (
         requests_to_end() as requests,
         the_only_server(settings.state),
-        only_server_of(records),
+        only_server_of(records, say) as claim,
         claimed(settings.inbox),
     ):
-        return _Serving(settings, records, requests, say).carry_out(notices)
+        return _Serving(settings, records, claim, requests, say).carry_out(notices)
 
 
 def _prepared(settings: Settings) -> Records:
@@ -135,8 +136,11 @@ def _start_runner(
 class _Serving:
     """One start of the server, from its first child to its last."""
 
-    def __init__(self, settings: Settings, records: Records, requests: Requests, say: Say) -> None:
-        self.settings, self.records, self.requests, self.say = settings, records, requests, say
+    def __init__(
+        self, settings: Settings, records: Records, claim: DatabaseClaim, requests: Requests, say: Say
+    ) -> None:
+        self.settings, self.records, self.claim = settings, records, claim
+        self.requests, self.say = requests, say
         self.door = settings.door(password_of(settings.address, settings.state))
         self.environment = server_environment(
             settings.address, settings.database, self.door, history_days=settings.history_days
@@ -245,17 +249,17 @@ class _Serving:
         """Supervise children and inbox until asked to end; then let the runner finish."""
         try:
             with watch.watching():
-                _look_after([server, runner], self.requests)
+                _look_after([server, runner, self.claim], self.requests)
         except InstallationError:
             runner.drain(self.requests)
             raise
         return _stopped(runner, self.requests, self.say)
 
 
-def _look_after(children: Sequence[Supervised], requests: Requests) -> None:
+def _look_after(supervised: Sequence[Supervised | DatabaseClaim], requests: Requests) -> None:
     while not requests.come.wait(1.0):
-        for child in children:
-            child.look()
+        for one in supervised:
+            one.look()
 
 
 def _stopped(runner: Supervised, requests: Requests, say: Say) -> int:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -131,6 +133,33 @@ print(*(sum(one.stats.cache_misses.values()) for one in (height, heights)))
     begin.touch()
     compiled = sorted(process.communicate(timeout=120)[0] for process in processes)
     assert compiled == ["0 0\n", "1 1\n"]
+
+
+def test_a_process_that_waits_for_one_that_was_stopped_says_so_once(tmp_path: Path) -> None:
+    folder, cache = copy_of_adjust(tmp_path / "sources"), tmp_path / "cache"
+    replace_in(folder / "adjust" / "compiled.py", "_PATIENCE_S = 10.0", "_PATIENCE_S = 0.1")
+    stopped = """
+import os, signal
+from adjust.compiled import _lock_of
+with _lock_of("adjust.callee_kernel.height"), _lock_of("adjust.caller_kernel.heights"):
+    os.kill(os.getpid(), signal.SIGSTOP)
+"""
+    options: dict[str, Any] = {"env": environment_of(folder, cache), "cwd": folder, "text": True}
+    holder = subprocess.Popen([sys.executable, "-c", stopped], **options)
+    try:
+        os.waitid(os.P_PID, holder.pid, os.WSTOPPED)
+        waiting = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options
+        )
+        assert waiting.stderr is not None
+        said = waiting.stderr.readline()
+        assert f"waiting for process {holder.pid} of {os.uname().nodename}, which compiles kernels" in said
+    finally:
+        holder.send_signal(signal.SIGCONT)
+    numbers, rest = waiting.communicate(timeout=120)
+    assert rest == ""
+    assert numbers.endswith("100.0 200.0\ncompiled: 1\n")
+    assert holder.wait(timeout=10) == 0
 
 
 def test_a_cache_that_cannot_be_written_gives_way_to_the_temporary_folder(tmp_path: Path) -> None:
