@@ -15,9 +15,12 @@ import httpx
 
 from flows.server.api import Api
 from flows.server.inbox import MANUAL, ON_DELIVERY
+from flows.server.roots import Roots
 from flows.server.settings import Settings, settings_of_runner
 from flows.serving.deployed import STORIES, clean_up, inbox, recalibration_due
 from flows.serving.fork import ForkingStarter
+from tasks.errors import InputError
+from tasks.plain_text import visible
 
 from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
 from prefect import Flow  # isort: skip
@@ -52,7 +55,17 @@ class DrainingRunner(Runner):
     Prefect's own handler ends the process from within the signal; what becomes of the runs depends on what
     the event loop was doing. And while the server is away, this runner continues asking: Prefect's own ends
     after three questions without an answer, and its runs with it.
+
+    Parameters
+    ----------
+    limit : runs at the same time.
+    roots : a further runner takes only runs of projects in these folders; None: it takes all, and those of
+        projects that are nowhere end as such.
     """
+
+    def __init__(self, limit: int, roots: Roots | None = None) -> None:
+        super().__init__(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
+        self._roots = roots
 
     async def __aenter__(self) -> "DrainingRunner":
         """Begin; requests are repeated from now on."""
@@ -67,6 +80,10 @@ class DrainingRunner(Runner):
             (self._cancelling_observer, "_check_for_cancelled_flow_runs"),
         ):
             vars(asking)[question] = _patient(getattr(asking, question))
+        if self._roots is not None:
+            poller = self._scheduled_run_poller
+            found = poller._get_scheduled_flow_runs
+            vars(poller)["_get_scheduled_flow_runs"] = Readable(self._roots).only(found)
         return self
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
@@ -74,6 +91,40 @@ class DrainingRunner(Runner):
         _log.info("stopping: finishing current runs, starting no new ones")
         assert self._loop is not None
         self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
+
+
+class Readable:
+    """The runs of projects that a runner can read; the others are left to other runners, and said once."""
+
+    def __init__(self, roots: Roots) -> None:
+        self._roots, self._told = roots, set[str]()
+
+    def only(self, found: Callable[[], Awaitable[list[FlowRun]]]) -> Callable[[], Awaitable[list[FlowRun]]]:
+        """The question for scheduled runs, answered with readable ones only."""
+
+        async def asked() -> list[FlowRun]:
+            # Not in the loop, which a share that does not answer would stop.
+            return await asyncio.to_thread(self._of, await found())
+
+        return asked
+
+    def _of(self, runs: Sequence[FlowRun]) -> list[FlowRun]:
+        return [run for run in runs if self._reads(str(run.parameters.get("project", "")))]
+
+    def _reads(self, project: str) -> bool:
+        try:
+            self._roots.project_file(project)
+        except InputError:
+            if project not in self._told:
+                folders = ", ".join(map(str, self._roots.folders))
+                _log.warning(
+                    "a run of %s is left to other runners: this one can read projects in %s only (--root)",
+                    visible(project),
+                    folders,
+                )
+            self._told.add(project)
+            return False
+        return True
 
 
 async def _flow_of_ours(_run: FlowRun) -> Flow[..., Any]:
@@ -151,15 +202,11 @@ def main() -> None:
             time.sleep(0.2)
         asyncio.run(_serve(settings.limit, made))
     else:
-        asyncio.run(_help(settings.limit))
-
-
-def _runner(limit: int) -> DrainingRunner:
-    return DrainingRunner(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
+        asyncio.run(_help(settings.limit, settings.roots))
 
 
 async def _serve(limit: int, made: list[RunnerDeployment]) -> None:
-    runner = _runner(limit)
+    runner = DrainingRunner(limit)
     unscheduled = [one.name for one in made if one.name in _SCHEDULED and not one.schedules]
     registered = {await runner.aadd_deployment(one) for one in made}
     async with get_client() as client:
@@ -167,9 +214,9 @@ async def _serve(limit: int, made: list[RunnerDeployment]) -> None:
     await runner.start()
 
 
-async def _help(limit: int) -> None:
+async def _help(limit: int, roots: Roots) -> None:
     """Carry out runs of the deployments that the server's own runner has registered or will register."""
-    runner = _runner(limit)
+    runner = DrainingRunner(limit, roots)
     async with get_client() as client, asyncio.TaskGroup() as tasks:
         looking = tasks.create_task(_look_for_deployments(client, runner))
         await runner.start()

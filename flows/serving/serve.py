@@ -133,6 +133,10 @@ def _start_runner(
     )
 
 
+def _places(settings: Settings) -> str:
+    return "Projects may be located under: " + ", ".join(map(str, settings.roots.folders))
+
+
 class _Serving:
     """One start of the server, from its first child to its last."""
 
@@ -235,7 +239,7 @@ class _Serving:
         self.say(f"Dashboard: {settings.address.dashboard}")
         self.say(f"Production page: {settings.overview.dashboard}")
         self._tell_link()
-        self.say("Projects may be located under: " + ", ".join(map(str, settings.roots.folders)))
+        self.say(_places(settings))
         self.say(_READY)
 
     def _tell_link(self) -> None:
@@ -315,6 +319,7 @@ def run_further_runner(url: str, settings: Settings, say: Say) -> int:
         runner = Supervised("runner", start, say, api.is_well)
         try:
             say(f"Working for {url}; log: {runner.child.log}")
+            say(_places(settings))
             say(_READY)
             _look_after([runner], requests)
             return _stopped(runner, requests, say)

@@ -149,6 +149,25 @@ def test_two_runners_share_the_runs_and_begin_none_twice(server: Served) -> None
     assert log.read_text().count("Beginning flow run") in {1, 2}
 
 
+def test_a_further_runner_leaves_deliveries_of_an_inbox_that_it_does_not_have(server: Served) -> None:
+    delivery = server.folder / "inbox" / "block-9"
+    own = server.group_of("flows.serving.deployments")
+    # Of two runners nobody knows which one asks first.
+    os.killpg(own, signal.SIGSTOP)
+    try:
+        with further_runner(server):
+            write_block(delivery)
+            (delivery / "DELIVERED").touch()
+            log = server.folder / "state" / "logs" / "runner-2.log"
+            until(lambda: f"a run of {delivery / 'project.toml'} is left" in log.read_text(), 120)
+            assert "Beginning flow run" not in log.read_text()
+            (run,) = server.runs(flow_runs={"tags": {"all_": ["delivery"]}})
+            assert run["state_type"] == "SCHEDULED"
+    finally:
+        os.killpg(own, signal.SIGCONT)
+    assert server.ended(run["id"])["state_name"] == "Completed"
+
+
 def test_the_automation_for_silent_runs_is_there_once(server: Served) -> None:
     found = server.api.post("/automations/filter", {"automations": {"name": {"any_": [AUTOMATION]}}})
     assert [one["actions"][0]["state"] for one in found] == ["CRASHED"]
