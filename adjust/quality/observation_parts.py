@@ -11,6 +11,7 @@ import numpy as np
 from adjust.arrays import Ints
 from adjust.errors import InconsistentBlockError
 from adjust.observations.base import CorrelatedOverTime
+from adjust.observations.image_point import ImagePoints
 from adjust.solve.system import Observations
 
 _PARTS: Mapping[str, tuple[tuple[str, tuple[int, ...]], ...]] = {
@@ -46,7 +47,8 @@ class Part:
     group : index of the group in ``Observations.groups``.
     name : name of the group, and what the part is called where a group has several.
     components : indices of its components.
-    rows : (k,) its observations, ascending; None: all of the group.
+    rows : (k,) its observations, ascending; None: all of the group. What is never used, such as check
+        distances, belongs to no part and keeps its stated standard deviation.
     is_correlation : it stands for the correlation time of the group instead; its factor multiplies that.
     """
 
@@ -74,6 +76,8 @@ def parts_of(observations: Observations, divisions: tuple[Division, ...] = ()) -
     parts = []
     for index, group in enumerate(observations.groups):
         whole = (("", tuple(range(len(group.components)))),)
+        used = None if isinstance(group, ImagePoints) else group.stochastic.taking_part
+        of_all = None if used is None or used.all() else np.flatnonzero(used)
         division = divided.get(group.name)
         if division is not None and len(division.of_observation) != len(group.event):
             raise InconsistentBlockError(
@@ -83,7 +87,7 @@ def parts_of(observations: Observations, divisions: tuple[Division, ...] = ()) -
         for word, components in _PARTS.get(group.name, whole):
             name = f"{group.name} {word}".strip()
             if division is None:
-                parts.append(Part(index, name, components))
+                parts.append(Part(index, name, components, rows=of_all))
                 continue
             for number, of in enumerate(division.names):
                 rows = np.flatnonzero(division.of_observation == number)

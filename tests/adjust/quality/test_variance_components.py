@@ -39,7 +39,7 @@ from adjust.solve.design_matrix import design_matrix, full_cofactor
 from adjust.solve.gauss_newton import Solution, iterate
 from adjust.solve.system import Observations, System
 from adjust.weighting import without_swinging
-from tests.adjust.scenes import DEGREE, two_strips
+from tests.adjust.scenes import DEGREE, two_strips, with_rejected_distances
 from tests.adjust.simulate.specifications import CAMERA, HEIGHT, small_specification
 
 WRONG: Mapping[str, float] = {"image_points": 2.0, "gnss_positions": 3.0, "ins_attitudes": 0.4}
@@ -525,3 +525,20 @@ def test_intervals_hold_the_truth_as_often_as_they_say(large: SimulatedBlock) ->
         assert len(hits) - sum(hits) <= stats.binom.isf(1e-3, trials, 1.0 - CONFIDENCE), name
         spread = float(np.std(normalized[name]))
         assert spread == pytest.approx(1.0, abs=3.3 / np.sqrt(2.0 * trials) + 0.05), name
+
+
+def test_what_was_never_used_keeps_its_stated_sigma() -> None:
+    """Check distances, as check points: the survey of a check is not an observation of the block."""
+    checks = (0, 7, 30)
+    plan = {"distances": 40, "sigma_distance_m": 1.0, "points_along": 17, "points_across": 11}
+    scene = with_rejected_distances(two_strips(noise_seed=4, **plan), checks)
+    result = estimated(scene.block, wrongly_weighted(scene.observations, {"distances": 0.25}))
+    (component,) = (item for item in result.variance_components if item.part.name == "distances")
+    assert component.estimated
+    assert component.factor > 2.0
+    (group,) = (item for item in result.groups if item.group.name == "distances")
+    stated = 0.25 * scene.plan.sigma_distance_m
+    is_check = np.isin(np.arange(40), checks)
+    assert np.all(group.status[is_check] == ObservationStatus.NOT_USED)
+    np.testing.assert_allclose(group.sigma[is_check], stated, rtol=1e-12)
+    np.testing.assert_allclose(group.sigma[~is_check], component.factor * stated, rtol=1e-12)
