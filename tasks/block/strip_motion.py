@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Literal
 
 import numpy as np
@@ -58,10 +59,11 @@ def _moves(given: GivenOrientations) -> Bools:
 
 
 def strips_in_time(strip: Ints, time: Floats) -> list[Ints]:
-    """Indices of the exposures of each strip in the order of time; strips without times are left out."""
+    """Indices of the exposures of each strip in the order of time; those without time are left out."""
     order = np.lexsort((time, strip))
+    order = order[np.isfinite(time[order])]
     parts = np.split(order, np.flatnonzero(np.diff(strip[order])) + 1)
-    return [part for part in parts if len(part) and np.isfinite(time[part]).all()]
+    return [part for part in parts if len(part)]
 
 
 def over_time(
@@ -84,8 +86,8 @@ def require_motion(given: GivenOrientations, settings: AdjustmentSettings) -> No
         strip at the same time; if a strip that they need lasts half a day. Offsets in time need neither
         where velocities were delivered.
     """
+    require_successive_times(given, settings, settings.observe)
     given = given.only(given.position_observed) if given.position_observed.any() else given
-    require_successive_times(given, settings)
     still = given.only(~_moves(given))
     in_time = tuple((parameter, still) for parameter in ("time_offset", "synchronisation_offset"))
     drifts = tuple((parameter, given) for parameter in ("gnss_drift", "ins_drift"))
@@ -136,25 +138,35 @@ def _require_one_day(given: GivenOrientations, entity: str) -> None:
             )
 
 
-def require_successive_times(given: GivenOrientations, settings: AdjustmentSettings) -> None:
+def require_successive_times(
+    given: GivenOrientations, settings: AdjustmentSettings, observe: Collection[str] = ("gnss", "ins")
+) -> None:
     """Refuse errors correlated over time where strips or times are missing, or times are the same.
+
+    Parameters
+    ----------
+    observe : what is observed; correlation times of other observations have no effect.
 
     Raises
     ------
     InputError
         If a correlation time is given and the exposures do not allow it.
     """
-    keys = [
-        key
-        for key, value in (
-            ("gnss_correlation_s", settings.gnss_correlation_s),
-            ("ins_correlation_s", settings.ins_correlation_s),
-        )
-        if value is not None
-    ]
-    if not keys:
-        return
-    entity, remedy = f"adjustment.{keys[0]}", f"or remove {' and '.join(keys)} from the adjustment."
+    stated = (
+        ("gnss", "gnss_correlation_s", given.position_observed),
+        ("ins", "ins_correlation_s", given.attitude_observed),
+    )
+    used = {
+        key: given.only(own)
+        for group, key, own in stated
+        if getattr(settings, key) is not None and group in observe and own.any()
+    }
+    remedy = f"or remove {' and '.join(used)} from the adjustment."
+    for key, own in used.items():
+        _require_successive(own, f"adjustment.{key}", remedy)
+
+
+def _require_successive(given: GivenOrientations, entity: str, remedy: str) -> None:
     if not all(given.strip):
         raise InputError(
             f"{_without(given, 'strip')}, along which errors could be correlated.",

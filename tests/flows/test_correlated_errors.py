@@ -145,6 +145,24 @@ def test_without_times_or_strips_a_correlation_is_refused(delivered: Path, colum
     assert "gnss_correlation_s" in str(outcome.error)
 
 
+def test_a_correlation_without_effect_needs_no_times(delivered: Path) -> None:
+    change(delivered / "exposures.csv", lambda table: table.assign(time=""))
+    outcome = run(delivered, 'adjustment.observe=["control"]', "adjustment.free=[]")
+    assert outcome.error is None, outcome.error
+    assert sum("has no effect on the adjustment" in text for text in outcome.summary.problems) == 2
+
+
+def test_an_attitude_without_time_is_named_whether_there_is_a_position_or_not(delivered: Path) -> None:
+    def one_empty(table: pd.DataFrame) -> pd.DataFrame:
+        table.loc[3, ["x", "y", "z", "time"]] = ""
+        return table
+
+    change(delivered / "exposures.csv", one_empty)
+    said = str(run(delivered).error)
+    assert said.startswith("adjustment.ins_correlation_s: 1 of ")
+    assert "exposures have no time (the first is" in said
+
+
 def test_an_exposure_without_time_is_named(delivered: Path) -> None:
     def one_empty(table: pd.DataFrame) -> pd.DataFrame:
         table.loc[3, "time"] = ""
