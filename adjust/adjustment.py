@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from adjust.arrays import Bools, Floats, Ints
 from adjust.block import Block
 from adjust.data_snooping import Search, snoop, without_rejected
+from adjust.errors import InconsistentBlockError
 from adjust.least_squares import Adjusted, Adjuster
 from adjust.observations.base import ObservationGroup
 from adjust.observations.control_point import ControlPoints
@@ -31,6 +33,7 @@ from adjust.solve.datum import datum_shares
 from adjust.solve.defect import open_directions
 from adjust.solve.gauss_newton import Estimate, Progress, Solution, converge
 from adjust.solve.system import Observations, System, with_known_basis
+from adjust.unknown_names import indices_of
 from adjust.weighting import Weighted, estimate_weights
 
 
@@ -163,6 +166,7 @@ def _searched(
 ) -> tuple[Search, Weighted | None]:
     """The searches for gross errors and weights; ``complete`` as of :func:`snoop`."""
     options, rule = adjuster.options, _rule(adjuster.options)
+    joint_points(block.points, options)  # refused before anything is computed
     observations = with_known_basis(block, observations)
     if nearby is None:
         system = System.of(block, observations, options.threads, options.free_network)
@@ -258,17 +262,29 @@ def _result(search: Search, weighted: Weighted | None, options: AdjustmentOption
         search.taken_back,
         singly,
         by_fold,
-        _joint_cofactor(adjusted, options.joint_points),
+        _joint_cofactor(adjusted, joint_points(system.block.points, options)),
         times,
         _free_network(adjusted),
         search.inseparable,
     )
 
 
-def _joint_cofactor(adjusted: Adjusted, wanted: tuple[int, ...]) -> JointCofactor | None:
+def joint_points(names: Sequence[str], options: AdjustmentOptions) -> Ints:
+    """Indices, ascending, of the object points whose joint cofactors are requested.
+
+    Raises
+    ------
+    InconsistentBlockError, UnknownNameError : the block has no such object point.
+    """
+    points = np.unique(indices_of("object point", options.joint_points, names))
+    if len(points) and not (points[0] >= 0 and points[-1] < len(names)):
+        raise InconsistentBlockError(f"An index of joint_points is outside 0 … {len(names) - 1}.")
+    return points
+
+
+def _joint_cofactor(adjusted: Adjusted, wanted: Ints) -> JointCofactor | None:
     """Joint cofactors of the wanted points that are used; None in a free network with open directions."""
-    points = np.array(wanted, dtype=np.int64)
-    points = points[adjusted.system.active_point[points]]
+    points = wanted[adjusted.system.active_point[wanted]]
     if len(points) == 0 or adjusted.solution.movements is not None:
         return None
     return JointCofactor(points, joint_cofactors(adjusted.system, adjusted.solution, points))

@@ -46,7 +46,7 @@ class AdjustmentOptions:
     divisions : divides the observations of groups by origin, each part with its own weight; one per group.
     control_folds : number of folds of the control points; each fold is predicted by an adjustment without
         it. None: no such check.
-    joint_points : ascending indices of the object points whose joint cofactors are requested, some hundred
+    joint_points : names or indices of the object points whose joint cofactors are requested, some hundred
         at most; unused points are omitted.
     new_points : whether accuracies of new points will be asked for: the inverse of the normal equations is
         kept for them, if it is not too large.
@@ -71,7 +71,7 @@ class AdjustmentOptions:
     variance_components: bool = False
     divisions: tuple[Division, ...] = ()
     control_folds: int | None = None
-    joint_points: tuple[int, ...] = ()
+    joint_points: tuple[int, ...] | tuple[str, ...] = ()
     new_points: bool = False
     correlation_times: bool = False
     free_network: InnerConstraints | None = None

@@ -184,11 +184,15 @@ def _refuse_wrong_equations(block: Block, state: State, group: ObservationGroup)
     require_shape(f"{name}: the array of misclosures", np.shape(equations.misclosure), shape)
     if not np.isfinite(equations.misclosure[group.stochastic.present]).all():
         raise InconsistentBlockError(f"{name}: a misclosure is not finite at the approximate values.")
-    if not equations.terms:
+    terms = equations.terms
+    if not isinstance(terms, (tuple, list)) or not all(isinstance(term, Term) for term in terms):
+        raise InconsistentBlockError(f"{name}: `terms` of its equations is not a tuple of Term.")
+    if not terms:
         raise InconsistentBlockError(f"{name}: its equations have no terms, so they depend on no unknown.")
-    for term in equations.terms:
+    for term in terms:
         _refuse_wrong_term(block, state, name, shape, term)
     _refuse_other_points(group, equations)
+    _refuse_connections(block, name, equations)
     refuse_wrong_derivatives(block.layout, state, group, equations)
 
 
@@ -227,6 +231,22 @@ def _refuse_other_points(group: ObservationGroup, equations: Linearization) -> N
             f"{group.name}: the object points of its terms must be those that it states as `point`. Where an "
             "observation of one component joins two, it states the second as `other_point`, and the terms "
             "come in this order."
+        )
+
+
+def _refuse_connections(block: Block, name: str, equations: Linearization) -> None:
+    """Object points are eliminated first, and that knows of no other connections than image points."""
+    columns = block.layout.columns
+    kinds = dict.fromkeys(
+        term.block
+        for term in equations.terms
+        if term.block not in columns or (columns[term.block] >= 0).any()
+    )
+    others = [kind for kind in kinds if kind != OBJECT_POINT]
+    if OBJECT_POINT in kinds and others:
+        raise InconsistentBlockError(
+            f"{name}: its equations connect object points with {' and '.join(others)}. Only image points may "
+            "connect object points with other unknowns that are free."
         )
 
 

@@ -171,11 +171,6 @@ def gathered(
             of_points.append((term.index, term.jacobian))
         else:
             add_border_columns(of_border, layout.columns[term.block][term.index], term.jacobian)
-    if len(of_points) > 1 or (of_points and (of_exposures or np.any(of_border))):
-        raise InconsistentBlockError(
-            "Only image points may connect object points with other unknowns; the object points are "
-            "eliminated first."
-        )
     return of_exposures, of_border, of_points[0] if of_points else None
 
 

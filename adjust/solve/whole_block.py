@@ -25,6 +25,8 @@ from adjust.solve.whitening import whiten
 
 # Radians, or logarithm of a scale, that one step may turn or stretch the block.
 _FAR = 0.5
+# A step of an iteration that diverges would stretch the block beyond all numbers.
+_MOST_STRETCH = 20.0
 _MOST_STEPS, _SMALLEST_GAIN = 100, 1e-10
 # Directions that change the observations by less than this part of the others are left as they are.
 _UNKNOWN = 1e-12
@@ -160,7 +162,8 @@ def transformed(state: State, movement: Floats, centre: Floats) -> State:
     movement : (7,) shift, rotation vector, and logarithm of the scale.
     centre : (3,) the point about which it turns and stretches.
     """
-    turn, stretch = rotation.exp(movement[3:6]), float(np.exp(movement[6]))
+    turn = rotation.exp(movement[3:6])
+    stretch = float(np.exp(np.clip(movement[6], -_MOST_STRETCH, _MOST_STRETCH)))
 
     def places(x: Floats) -> Floats:
         return np.asarray(centre + movement[:3] + stretch * (x - centre) @ turn.T)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from adjust.adjustment import adjust_block
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
-from adjust.errors import DivergenceError, InconsistentBlockError
+from adjust.errors import AdjustmentError, DivergenceError, InconsistentBlockError
 from adjust.geometry import rotation
 from adjust.geometry.earth import CartesianFrame
 from adjust.observations.base import StochasticModel
@@ -369,3 +370,30 @@ def test_the_given_block_is_left_as_it_was() -> None:
     np.testing.assert_array_equal(scene.block.projection_centre, centre)
     for parameters in scene.block.system:
         np.testing.assert_array_equal(parameters.values, copies[parameters.family.name])
+
+
+def test_joint_cofactors_are_requested_by_names_or_indices() -> None:
+    scene = two_strips(noise_seed=1)
+    names = scene.block.points
+    by_name, by_index = (
+        adjust_block(scene.block, scene.observations, AdjustmentOptions(joint_points=wanted)).joint_cofactor
+        for wanted in ((names[7], names[2]), (2, 7))
+    )
+    assert by_name is not None
+    assert by_index is not None
+    assert by_name.points.tolist() == by_index.points.tolist() == [2, 7]
+    np.testing.assert_array_equal(by_name.matrix, by_index.matrix)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "said"),
+    [
+        (("point_00x",), "There is no object point 'point_00x'. Did you mean"),
+        ((2, 1_000_000), "An index of joint_points is outside 0"),
+        ((2.0,), "must be integers"),
+    ],
+)
+def test_joint_cofactors_of_points_that_do_not_exist_are_refused(wanted: Any, said: str) -> None:
+    scene = two_strips()
+    with pytest.raises(AdjustmentError, match=re.escape(said)):
+        adjust_block(scene.block, scene.observations, AdjustmentOptions(joint_points=wanted))

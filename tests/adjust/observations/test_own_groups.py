@@ -193,6 +193,11 @@ WRONG: dict[str, tuple[Changed, str]] = {
         "offsets: an index of object_point is outside 0",
     ),
     "nothing": (Changed(None, lambda e: replace(e, terms=())), "depend on no unknown"),
+    "a term alone": (
+        Changed(None, lambda e: replace(e, terms=e.terms[0])),
+        "offsets: `terms` of its equations",
+    ),
+    "terms that end": (Changed(None, lambda e: replace(e, terms=iter(e.terms))), "is not a tuple of Term"),
     "other points": (
         Changed(None, term(lambda t: replace(t, index=t.index + 1))),
         "offsets: the object points of its terms must be those that it states",

@@ -101,9 +101,9 @@ def test_only_image_points_may_connect_object_points_with_other_unknowns() -> No
     scene = two_strips(free={LEVER_ARM: True})
     control, *others = scene.observations.others
     observations = replace(scene.observations, others=(Connecting(control), *others))
-    system = System.of(scene.block, observations)
-    with pytest.raises(InconsistentBlockError, match="Only image points may connect"):
-        reduced_normals(system, scene.block.approximate_state())
+    said = "control_points: its equations connect object points with lever_arm. Only image points may connect"
+    with pytest.raises(InconsistentBlockError, match=said):
+        System.of(scene.block, observations)
 
 
 @pytest.mark.parametrize(("field", "value"), [("image", 10), ("image", -1), ("point", 100_000)])

@@ -240,3 +240,11 @@ def test_of_many_weak_networks_hardly_any_ends_without_a_minimum_and_none_withou
     assert determined > 1200
     assert lost <= 12
     assert unnamed == 0
+
+
+def test_a_movement_beyond_all_numbers_stays_a_number() -> None:
+    """An iteration that diverges asks for it; overflows would reach the user as warnings before the error."""
+    state = two_strips().block.approximate_state()
+    movement = np.array([0.0, 0.0, 0.0, 1e3, 0.0, 0.0, 1e4])
+    moved = transformed(state, movement, state.projection_centre.mean(axis=0))
+    assert np.isfinite(moved.object_point).all()
