@@ -67,6 +67,7 @@ class CellAccuracy:
     ----------
     rays : (m,) number of images that see the cell.
     sigma : (m, 3) measured in all of them.
+    sigma_of_block : (m, 3) the part of it that comes from the block, without that of the new measurement.
     sigma_of_pair : (m, 3) measured in the two of them that give the smallest σ of the height.
     sigma_relative : (m, 3) of the difference from the next cell of the row, measured in their common images.
     external : (m, 3) largest effect of an undetected gross error in one of the rays.
@@ -76,6 +77,7 @@ class CellAccuracy:
 
     rays: Ints
     sigma: Floats
+    sigma_of_block: Floats
     sigma_of_pair: Floats
     sigma_relative: Floats
     external: Floats
@@ -165,8 +167,8 @@ def cell_accuracy(
         get like those of the block, add; None without any.
     """
     m = len(cells.x_in_local)
-    sigma, of_pair, relative, external = (np.full((m, 3), np.nan) for _ in range(4))
-    found = CellAccuracy(sight.rays, sigma, of_pair, relative, external, np.full(m, -1))
+    sigma, of_block, of_pair, relative, external = (np.full((m, 3), np.nan) for _ in range(5))
+    found = CellAccuracy(sight.rays, sigma, of_block, of_pair, relative, external, np.full(m, -1))
     with one_thread():
         cofactor = solution.cofactor()
 
@@ -272,6 +274,7 @@ def _fill(
         NON_CENTRALITY,
         UNCONTROLLED,
         found.sigma[chosen],
+        found.sigma_of_block[chosen],
         found.sigma_of_pair[chosen],
         found.sigma_relative[chosen],
         found.external[chosen],

@@ -79,7 +79,7 @@ def of_all_rays(k, m, of_point, gain, own, moved, variance, critical, least_cont
 
 
 @kernel
-def write_cells(count, cell, variance, of_cell, sigma, external, uncontrolled):
+def write_cells(count, cell, variance, of_cell, sigma, sigma_of_block, external, uncontrolled):
     """Fill in what follows from all rays."""
     for lane in range(count):
         j = cell[lane]
@@ -88,7 +88,9 @@ def write_cells(count, cell, variance, of_cell, sigma, external, uncontrolled):
         uncontrolled[j] = int(of_cell[UNCONTROLLED * LANES + lane])
         for c in range(3):
             diagonal = DIAGONAL[c] * LANES + lane
-            sigma[j, c] = np.sqrt(variance * of_cell[diagonal] + of_cell[NORMAL * LANES + diagonal])
+            of_block = of_cell[NORMAL * LANES + diagonal]
+            sigma[j, c] = np.sqrt(variance * of_cell[diagonal] + of_block)
+            sigma_of_block[j, c] = np.sqrt(of_block)
             external[j, c] = of_cell[(EXTERNAL + c) * LANES + lane]
 
 
@@ -128,7 +130,8 @@ def write_pairs(count, cell, chosen, of_cell, of_pair, sigma_of_pair):
 @kernel
 def cell_accuracies(
     start, image, groups, neighbour, x_in_local, axes, geometry, of_known, columns, cofactor, scale,
-    variance, critical, least_control, sigma, sigma_of_pair, sigma_relative, external, uncontrolled,
+    variance, critical, least_control, sigma, sigma_of_block, sigma_of_pair, sigma_relative, external,
+    uncontrolled,
 ):  # fmt: skip
     """Everything about the m cells whose rays start[j] … start[j + 1] − 1 are, images ascending.
 
@@ -137,8 +140,8 @@ def cell_accuracies(
     cell are turned into its axes (m, 3, 3); those by system parameters are by the columns (n, w) of the
     border of each image (−1: held); of_known (r, 2, q) are the effects of considered parameters, with r = 0
     without any. cofactor is what :func:`~adjust.trust_map.joint_kernel.gather` wants; variance is s². Fills
-    sigma, sigma_of_pair, sigma_relative and external (m, 3) and uncontrolled (m,). Returns the cells whose
-    difference from the next one is left to do.
+    sigma, sigma_of_block, sigma_of_pair, sigma_relative and external (m, 3) and uncontrolled (m,). Returns
+    the cells whose difference from the next one is left to do.
     """
     cells, cell_start, seen, seen_start = groups
     border, errors = cofactor[4].shape[0], of_known.shape[2]
@@ -183,7 +186,7 @@ def cell_accuracies(
                 system_covariances(k, m, known, place, exposures, systems, crossing, both)
             add_systems_and_errors(k, m, d - 6 * k, place, systems, crossing, both, errors, knowns, own)
             of_all_rays(k, m, points, gain, own, moved, variance, critical, least_control, of_cell)
-            write_cells(count, cell, variance, of_cell, sigma, external, uncontrolled)
+            write_cells(count, cell, variance, of_cell, sigma, sigma_of_block, external, uncontrolled)
             variances_of_differences(m, d, f, movement, errors, f_errors, total)
             left = write_differences(
                 k, count, cell, whole, there, neighbour, variance, of_cell, total, sigma_relative, left,

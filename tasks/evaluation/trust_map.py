@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from adjust.arrays import Bools, Floats, Ints
 from adjust.observations.image_point import ImagePoints
@@ -129,12 +129,49 @@ class MapCells:
         first = np.diff(square[by_square], prepend=-1) > 0
         return np.sort(by_square[first]).astype(np.int64)
 
+    def with_margin(self, chosen: Ints, most: int) -> Ints:
+        """The chosen cells and, up to so many in all, those farthest outside of them.
+
+        Between chosen cells values are interpolated; outside they are those of the nearest one, which may be
+        seen by other images.
+        """
+        given, every = self._around(chosen)
+        if not self._spans_an_area(given):
+            return chosen
+        ends, hull = self._ends_of_lines(), ConvexHull(given).equations
+        outside = ends[(every[ends] @ hull[:, :2].T + hull[:, 2] > 1e-6 * self.grid.cell).any(axis=1)]
+        away = cKDTree(given).query(every[outside])[0]
+        added = list[int]()
+        while len(chosen) + len(added) < most and away.max(initial=0.0) > 0.0:
+            farthest = int(outside[away.argmax()])
+            added.append(farthest)
+            away = np.minimum(away, np.linalg.norm(every[outside] - every[farthest], axis=1))
+        return np.sort(np.append(chosen, np.array(added, dtype=np.int64)))
+
+    def _ends_of_lines(self) -> Ints:
+        """The first and the last cell of every row and every column."""
+        every, ends = np.arange(len(self.number)), list[Ints]()
+        row, column = np.divmod(self.number, self.grid.columns)
+        for line, count in ((row, self.grid.rows), (column, self.grid.columns)):
+            for order in (every, every[::-1]):
+                last = np.full(count, -1, dtype=np.int64)
+                last[line[order]] = order
+                ends.append(last[last >= 0])
+        return np.unique(np.concatenate(ends))
+
+    def _around(self, chosen: Ints) -> tuple[Floats, Floats]:
+        """Places (k, 2) of some cells, and of all, from the middle of the former."""
+        middle = self.x_in_map[chosen, :2].mean(axis=0)
+        return self.x_in_map[chosen, :2] - middle, self.x_in_map[:, :2] - middle
+
+    def _spans_an_area(self, given: Floats) -> bool:
+        return len(given) >= 3 and int(np.linalg.matrix_rank(given, tol=self.grid.cell)) == 2
+
     def interpolated(self, chosen: Ints, values: Floats) -> Floats:
         """Values (m, d) of all cells from those (k, d) of some: linear between them, else the nearest."""
-        middle = self.x_in_map[chosen, :2].mean(axis=0)
-        given, wanted = self.x_in_map[chosen, :2] - middle, self.x_in_map[:, :2] - middle
+        given, wanted = self._around(chosen)
         found = np.full((len(wanted), values.shape[1]), np.nan)
-        if len(chosen) >= 3 and np.linalg.matrix_rank(given, tol=self.grid.cell) == 2:
+        if self._spans_an_area(given):
             found = LinearNDInterpolator(given, values)(wanted)
         beyond = ~np.isfinite(found).all(axis=1)
         nearest = values[cKDTree(given).query(wanted[beyond])[1]]
@@ -218,7 +255,7 @@ def _thinned(points: Floats) -> Floats:
 
 _XYZ = ("x", "y", "z")
 _PIECE = 50_000
-# Cells for which effects of errors in the block are solved for; as parts of σ they change slowly.
+# Cells for which effects of errors in the block are solved for; as parts of its σ they change slowly.
 _SOLVED_FOR = 300
 
 
@@ -250,9 +287,9 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
     measurement = NewMeasurement(sigma, adjusted.sigma0)
     others = result.cofactor.considered, result.cofactor.corrections
     accuracy = cell_accuracy(solution, ground, sight, measurement, *others)
-    chosen = cells.spread(_SOLVED_FOR)
+    chosen = cells.with_margin(cells.spread(_SOLVED_FOR), _SOLVED_FOR)
     errors = block_errors(solution, result, ground, sight, chosen)
-    _write(folder, adjusted, cells, accuracy, _everywhere(cells, chosen, errors, accuracy.sigma))
+    _write(folder, adjusted, cells, accuracy, _everywhere(cells, chosen, errors, accuracy))
     grid = cells.grid
     return TrustMapGrid(
         west_m=grid.west,
@@ -267,12 +304,14 @@ def write_trust_map(folder: Path, adjusted: AdjustedBlock, settings: TrustMapSet
     )
 
 
-def _everywhere(cells: MapCells, chosen: Ints, errors: BlockErrors, sigma: Floats) -> BlockErrors:
-    """Effects in all cells from those in some: interpolated as parts of σ (m, 3), which is known in all.
+def _everywhere(cells: MapCells, chosen: Ints, errors: BlockErrors, accuracy: CellAccuracy) -> BlockErrors:
+    """Effects in all cells from those in some: interpolated as parts of the block's part of σ, known in all.
 
-    Where few images see a cell, as at the margin, it follows errors of the block as much more as σ is larger.
+    Where few images see a cell, as at the margin, it follows errors of the block as much more as that is
+    larger; the new measurement has no part in it.
     """
-    scale = np.tile(np.where(np.isfinite(sigma), sigma, 1.0), 2)
+    sigma = accuracy.sigma_of_block
+    scale = np.tile(np.where(sigma > 0.0, sigma, 1.0), 2)
     parts = np.hstack([errors.of_orientation, errors.of_rays]) / scale[chosen]
     both = scale * cells.interpolated(chosen, parts)
     return BlockErrors(both[:, :3], both[:, 3:])

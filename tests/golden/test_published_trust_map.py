@@ -237,6 +237,7 @@ def test_errors_in_the_block(trust_map: Map) -> None:
         ratio = (found / expected)[~exact]
         assert (((ratio > 0.7) & (ratio < 1.6)).mean(axis=0) >= 0.9).all()
         assert (((ratio > 0.5) & (ratio < 2.2)).mean(axis=0) >= 0.98).all()
+        assert ratio.min() > 0.35
 
 
 def test_pairs_of_images_without_a_common_point(trust_map: Map) -> None:

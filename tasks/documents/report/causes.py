@@ -136,7 +136,9 @@ def _of_finding(material: Material, finding: ModelFinding) -> Cause:
         return Cause(f"image {finding.entity}", finding.sentence, group, frozenset([finding.entity]))
     if finding.quantity == "control_point":
         points = _suspected(material, finding)
-        place = f"one of the control points {some_names(points)}" if points[1:] else f"control point {points[0]}"
+        place = (
+            f"one of the control points {some_names(points)}" if points[1:] else f"control point {points[0]}"
+        )
         return Cause(place, finding.sentence, group, points=points)
     if finding.scope != "all":
         place = f"{finding.scope} {finding.part}"

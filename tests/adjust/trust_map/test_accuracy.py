@@ -138,8 +138,11 @@ def seen(mapped: Mapped, least: int = 2) -> Ints:
 def test_all_rays_have_the_joint_covariance_of_their_images(dense: Dense) -> None:
     mapped = dense.mapped
     for cell in seen(mapped):
-        expected = sigmas(dense.covariance_of(cell, images_of(mapped, cell)))
-        np.testing.assert_allclose(mapped.accuracy.sigma[cell], expected, rtol=1e-6)
+        covariance = dense.covariance_of(cell, images_of(mapped, cell))
+        np.testing.assert_allclose(mapped.accuracy.sigma[cell], sigmas(covariance), rtol=1e-6)
+        of_point, _ = dense.derivatives(cell, images_of(mapped, cell))
+        of_block = sigmas(covariance - np.linalg.inv(of_point.T @ of_point))
+        np.testing.assert_allclose(mapped.accuracy.sigma_of_block[cell], of_block, rtol=1e-6)
     assert np.isnan(mapped.accuracy.sigma[mapped.sight.rays < 2]).all()
     assert len(seen(mapped, 3)) > 10
 

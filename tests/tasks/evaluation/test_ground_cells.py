@@ -58,6 +58,22 @@ def test_chosen_cells_follow_a_corridor(shape: str) -> None:
     assert np.diff(np.sort(place), prepend=0, append=1999).max() <= 2 * 2000 / 150
 
 
+def test_cells_farthest_outside_of_the_chosen_ones_are_added() -> None:
+    of = cells(21, 31)
+    inner = of.spread(30)
+    assert len(of.with_margin(inner, 40)) == 40
+    chosen = of.with_margin(inner, 300)
+    assert set(inner) < set(chosen)
+    assert {0, 30, 20 * 31, 20 * 31 + 30} <= set(chosen)
+    plane = of.x_in_map[:, :1] * 0.3 - of.x_in_map[:, 1:2] * 0.1 + 5.0
+    np.testing.assert_allclose(of.interpolated(chosen, plane[chosen]), plane, rtol=1e-9, atol=1e-9)
+
+
+def test_chosen_cells_that_span_no_area_have_no_margin() -> None:
+    of = cells(1, 50)
+    np.testing.assert_array_equal(of.with_margin(of.spread(10), 30), of.spread(10))
+
+
 def test_a_plane_is_interpolated_exactly_between_the_chosen_cells() -> None:
     of = cells(21, 31)
     plane = of.x_in_map[:, :1] * 0.3 - of.x_in_map[:, 1:2] * 0.1 + 5.0
