@@ -165,8 +165,8 @@ def _record_holder(handle: int) -> None:
 def _tell_whom_it_waits_for(holder: str) -> None:
     """Say once for which process this one waits, and what to do."""
     _log.warning(
-        "waiting for process %s, which compiles kernels. If it is stopped, let it continue (kill -CONT) or end "
-        "it (kill -KILL), or set AEROCAL_KERNEL_CACHE to another folder",
+        "waiting for process %s, which compiles kernels. If it is stopped, let it continue (kill -CONT) or "
+        "end it (kill -KILL), or set AEROCAL_KERNEL_CACHE to another folder",
         holder or "unknown",
     )
 

@@ -207,6 +207,7 @@ class GivenOrientations:
     def _at_the_antenna(self, reduced: Bools) -> Self:
         """The same with the lever arms added to the positions (n,) that were reduced by them.
 
+        Delivered velocities become those of the antenna, which turns around the projection centre.
         Approximate positions without attitude are left as they are.
 
         Raises
@@ -226,8 +227,13 @@ class GivenOrientations:
                 "lever_arm_m.",
                 entity=f"image {self.image[int(np.argmax(unknown))]}",
             )
-        back = np.einsum("nij,nj->ni", self.local_from_body(), arm)
-        return replace(self, observed=self.observed + np.where(reduced[:, None], back, 0.0))
+        turning = np.cross(np.nan_to_num(self.rates), arm)
+        back, faster = np.einsum("nij,knj->kni", self.local_from_body(), np.stack([arm, turning]))
+        return replace(
+            self,
+            observed=self.observed + np.where(reduced[:, None], back, 0.0),
+            velocity=self.velocity + np.where(reduced[:, None], faster, 0.0),
+        )
 
     @property
     def flights(self) -> tuple[str, ...]:

@@ -140,7 +140,7 @@ class MapCells:
             return chosen
         ends, hull = self._ends_of_lines(), ConvexHull(given).equations
         outside = ends[(every[ends] @ hull[:, :2].T + hull[:, 2] > 1e-6 * self.grid.cell).any(axis=1)]
-        away = cKDTree(given).query(every[outside])[0]
+        away = np.asarray(cKDTree(given).query(every[outside])[0])
         added = list[int]()
         while len(chosen) + len(added) < most and away.max(initial=0.0) > 0.0:
             farthest = int(outside[away.argmax()])

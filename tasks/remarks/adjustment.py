@@ -158,8 +158,8 @@ def _uncontrolled_words(group: GroupFigure, figures: AdjustmentFigures) -> str:
     )
     if group.group == "control_points":
         return (
-            f"{words}{such_as}): {some_names(figures.uncontrolled_control)}. A gross error in {it} may remain "
-            "undetected or resemble a tilt or scale of the control"
+            f"{words}{such_as}): {some_names(figures.uncontrolled_control)}. A gross error in {it} may "
+            "remain undetected or resemble a tilt or scale of the control"
             f"{f'; {was.lower()} not tested for rejection' if tested else ''}."
         )
     not_tested = f" {was} not tested." if tested else ""
