@@ -233,7 +233,7 @@ def test_correlations_of_the_heat_map_are_those_of_the_artifact(run: Calibrated)
         for side in "ab"
     ]
     expected = {
-        (frozenset((one, other)), f"{value:+.3f}")
+        (frozenset((one, other)), f"{value:+z.3f}")
         for one, other, value in zip(*names, table["correlation"], strict=True)
     }
     titles = re.findall(r"<title>([^<]*) and ([^<]*): ([+-]\d\.\d{3})</title>", run.html)
