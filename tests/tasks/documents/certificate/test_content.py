@@ -194,7 +194,7 @@ def test_all_correlations_are_drawn_where_the_matrix_leaves_additional_parameter
     names = [item.parameter for item in calibration.record.estimated]
     i, j = names.index("bluh:9"), names.index("gnss_shift_z")
     value = found[i, j] / np.sqrt(found[i, i] * found[j, j])
-    assert f"bluh:9 of UCE-80 and shift up of 1: {value:+.3f}" in str(figure.drawing)
+    assert f"bluh:9 of UCE-80 and shift up of 1: {value:+z.3f}" in str(figure.drawing)
 
 
 def test_the_strongest_correlations_come_first() -> None:

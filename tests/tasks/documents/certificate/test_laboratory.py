@@ -121,7 +121,7 @@ def assert_inside(drawing: str) -> None:
 def test_the_principal_point_is_drawn_on_its_side(calibration: Calibration) -> None:
     drawing = str(image_axes(calibration.material()))
     values = {item.parameter: 1e3 * item.value for item in calibration.record.parameters}
-    x0, y0 = (f"{values[f'principal_point_{axis}']:+.1f}".replace("-", "−") for axis in "xy")
+    x0, y0 = (f"{values[f'principal_point_{axis}']:+z.1f}".replace("-", "−") for axis in "xy")
     assert f"x0 {x0} µm, y0 {y0} µm" in drawing
 
 
