@@ -179,6 +179,7 @@ def test_what_cannot_be_told_apart_is_what_full_matrices_say(
         (0.0, None),
         (15.0, None),
         *((0.0, one) for one in every),
+        (0.0, every[0] | every[4]),
         (0.0, every.any(axis=0)),
     ):
         found = doubtful_control(adjusted, CRITICAL, least, None if chosen is None else (chosen, chosen))

@@ -59,6 +59,24 @@ def test_of_an_object_point_the_largest_goes_and_of_an_image_every_point() -> No
     assert not found.given_up.any()
 
 
+def test_of_the_first_object_point_the_largest_goes_too() -> None:
+    own = np.flatnonzero(two_strips().observations.image_points.point == 0)[:2]
+    assert rows(chosen(two_strips(), {(RAYS, int(own[0])): 8.0, (RAYS, int(own[1])): 9.0}), RAYS) == [own[1]]
+
+
+def test_of_a_ray_whose_position_goes_in_its_place_the_next_one_of_its_point_takes_none() -> None:
+    """Which is as likely to be wrong as it was before."""
+    scene = two_strips()
+    rays = scene.observations.image_points
+    first, second = np.flatnonzero(rays.point == unsurveyed(scene, 5)[0])[:2].tolist()
+    xy = rays.xy.copy()
+    xy[second] += 60 * MICROMETRE
+    scene = replace(scene, observations=Observations(replace(rays, xy=xy), scene.observations.others))
+    exposure = int(rays.image[first])
+    found = chosen(scene, {(GNSS, exposure): 10.0, (RAYS, first): 9.0, (RAYS, second): 8.0})
+    assert (rows(found, GNSS), rows(found, RAYS)) == ([exposure], [second])
+
+
 @pytest.mark.parametrize(("of_first", "place"), [(8.9995, 0), (8.99, 1)])
 def test_of_two_rays_that_are_alike_but_for_rounding_the_first_goes(of_first: float, place: int) -> None:
     scene = with_rays_of(two_strips(), point := unsurveyed(two_strips(), 5)[0], [0, 1])

@@ -43,6 +43,25 @@ def test_one_component_with_estimated_variance_is_the_tau_test() -> None:
     np.testing.assert_allclose(2.0 * stats.norm.sf(found), 2.0 * stats.t.sf(t, f - 1), rtol=1e-9)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_several_components_with_estimated_variance_are_the_f_test_against_all_others(dimension: int) -> None:
+    f, squares, statistic = 80, 136.0, np.array([0.5, 4.0, 20.0, 60.0])
+    ratio = (statistic / dimension) / ((squares - statistic) / (f - dimension))
+    found = normal_equivalent(statistic, np.full(4, dimension), EstimatedVariance(squares, f))
+    np.testing.assert_allclose(
+        2.0 * stats.norm.sf(found), stats.f.sf(ratio, dimension, f - dimension), rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+def test_what_is_nearly_all_of_the_squares_is_more_suspicious_than_any_smaller_part(dimension: int) -> None:
+    """From three quarters of them on the probability underflows."""
+    statistic = np.linspace(10.0, 990.0, 99)
+    found = normal_equivalent(statistic, np.full(99, dimension), EstimatedVariance(1000.0, 1000))
+    assert np.all(np.diff(found[:70]) > 0.0)
+    assert np.all(np.diff(found) >= 0.0)
+
+
 def test_the_critical_tau_of_the_literature_is_met() -> None:
     """f = 819, 1485 observations at 5 %: τ = 4.13 where the normal distribution has 4.15."""
     normal = stats.norm.isf(0.5 * 0.05 / 1485)

@@ -487,6 +487,17 @@ def test_degrees_of_freedom_and_limits_are_those_of_the_full_matrices(dense: Cal
     assert sigma["image_points"] == pytest.approx(2e-6)
 
 
+def test_of_image_points_of_unlike_sigmas_the_median_is_stated() -> None:
+    """A third of them measured by hand, four times as badly: the mean would be twice as large."""
+    scene = two_strips(noise_seed=4)
+    rays = scene.observations.image_points
+    by_hand = np.where(np.arange(len(rays.image)) % 3 == 0, 4.0, 1.0)[:, None]
+    observations = replace(scene.observations, image_points=rays.rescaled(by_hand))
+    found = next(item for item in estimated(scene.block, observations).variance_components)
+    assert found.part.name == "image_points"
+    assert found.sigma == pytest.approx(2e-6 * found.factor)
+
+
 def test_the_median_of_right_sigmas_gives_a_factor_of_one() -> None:
     scene = two_strips(points_along=40, points_across=12, noise_seed=4)
     result = adjust_block(scene.block, scene.observations)

@@ -11,6 +11,7 @@ import pytest
 from adjust.adjustment import adjust_block
 from adjust.arrays import Floats, Ints
 from adjust.block import Block
+from adjust.camera.additional.self_calibration import SelfCalibration
 from adjust.options import AdjustmentOptions
 from adjust.parameters import (
     ADDITIONAL_PARAMETERS,
@@ -21,6 +22,8 @@ from adjust.parameters import (
     OBJECT_POINT,
     ConsideredParameters,
     ParameterPlace,
+    SystemParameters,
+    additional_family,
 )
 from adjust.quality.detectability import NON_CENTRALITY, UNCONTROLLED
 from adjust.quality.unknown_errors import CorrectionErrors, errors_of_families
@@ -37,7 +40,7 @@ from adjust.trust_map.accuracy import (
     new_rays,
 )
 from adjust.trust_map.cells import GroundCells, Sight, sight_of
-from tests.adjust.scenes import Scene, two_strips
+from tests.adjust.scenes import Polynomials, Scene, two_strips
 from tests.adjust.trust_map.grids import cells_over, turned
 
 MEASURED = NewMeasurement(3e-6, 1.3)
@@ -147,6 +150,31 @@ def test_all_rays_have_the_joint_covariance_of_their_images(dense: Dense) -> Non
     assert len(seen(mapped, 3)) > 10
 
 
+def with_parameters_of_every_other_image(scene: Scene) -> Scene:
+    """The block with x² and x r² of its own for even and for odd images, and shifts of all image points."""
+    names, rays, block = ("test:square", "test:radial"), scene.observations.image_points, scene.block
+    parity = np.arange(len(block.images)) % 2
+    model = SelfCalibration(names, (Polynomials(names),) * 2, parity)
+    family = additional_family(names, ("µm",) * 2)
+    unknown = SystemParameters(family, ("even", "odd"), np.zeros((2, 2)), np.ones((2, 2), dtype=bool))
+    image_points = replace(rays, self_calibration=model, offset=np.full_like(rays.xy, 1e-6))
+    return replace(
+        scene,
+        block=replace(block, system=(*block.system, unknown)),
+        observations=replace(scene.observations, image_points=image_points),
+    )
+
+
+def test_new_image_points_have_the_parameters_of_their_image_and_nothing_of_the_measured_ones() -> None:
+    """Of these the basis is kept where Δ is linear in the parameters, and a residual grid shifts each."""
+    dense = Dense.of(Mapped.of(with_parameters_of_every_other_image(two_strips(cameras=2, noise_seed=3))))
+    mapped = dense.mapped
+    assert mapped.solution.system.observations.image_points.known is not None
+    for cell in seen(mapped):
+        expected = sigmas(dense.covariance_of(cell, images_of(mapped, cell)))
+        np.testing.assert_allclose(mapped.accuracy.sigma[cell], expected, rtol=1e-6)
+
+
 def test_the_best_pair_has_the_smallest_sigma_in_height(dense: Dense) -> None:
     mapped = dense.mapped
     for cell in seen(mapped, 3)[::3]:
@@ -154,6 +182,44 @@ def test_the_best_pair_has_the_smallest_sigma_in_height(dense: Dense) -> None:
         every = np.array([sigmas(dense.covariance_of(cell, pair)) for pair in pairs])
         best = every[np.argmin(every[:, 2])]
         np.testing.assert_allclose(mapped.accuracy.sigma_of_pair[cell], best, rtol=1e-6)
+
+
+def test_of_many_cells_with_the_same_images_each_has_the_best_pair_of_its_own(dense: Dense) -> None:
+    """Worked on by the dozen, with the best pair of the dozen before as a guess."""
+    mapped = dense.mapped
+    middle = mapped.cells.x_in_local[np.argmax(mapped.sight.rays)]
+    cells = cells_over(np.array([middle - 25.0, middle + 25.0]), 12, 12)
+    sight = sight_of(mapped.scene.block, mapped.result.state, cells.x_in_local)
+    assert np.all(sight.rays == sight.rays[0])
+    accuracy = cell_accuracy(mapped.solution, cells, sight, MEASURED)
+    close = Dense(replace(mapped, cells=cells, sight=sight, accuracy=accuracy), dense.covariance)
+    for cell in range(0, 144, 11):
+        pairs = combinations(images_of(close.mapped, cell), 2)
+        every = np.array([sigmas(close.covariance_of(cell, np.array(pair))) for pair in pairs])
+        np.testing.assert_allclose(accuracy.sigma_of_pair[cell], every[np.argmin(every[:, 2])], rtol=1e-6)
+
+
+def test_where_all_rays_are_parallel_there_is_no_point_and_no_difference_from_it() -> None:
+    """The second image is taken on the way of a ray of the first one to the second cell of both rows."""
+    mapped = Mapped.of(two_strips(noise_seed=3))
+    place = mapped.cells.x_in_local[[30, 31, 32]]
+    state = mapped.result.state
+    centre, rotations = state.projection_centre.copy(), state.local_from_camera.copy()
+    centre[1], rotations[1] = centre[0] + 0.3 * (place[1] - centre[0]), rotations[0]
+    solution = replace(
+        mapped.solution, state=replace(state, projection_centre=centre, local_from_camera=rotations)
+    )
+    axes, neighbour = np.broadcast_to(np.eye(3), (6, 3, 3)).copy(), np.array([1, 2, -1, 4, 5, -1])
+    cells = GroundCells(place[[0, 1, 2, 2, 1, 0]], axes, neighbour)
+    # The third cell of the first row and the first one of the second row are seen by another image.
+    sight = Sight(np.array([0, 2, 4, 7, 10, 12, 14]), np.array([0, 1, 0, 1, 0, 1, 2, 0, 1, 2, 0, 1, 0, 1]))
+    found = cell_accuracy(solution, cells, sight, MEASURED)
+    for values in (found.sigma, found.sigma_of_pair, found.external):
+        assert np.isfinite(values).all(axis=1).tolist() == [True, False, True, True, False, True]
+        assert np.isnan(values[[1, 4]]).all()
+    assert np.isnan(found.sigma_relative).all()
+    assert (found.uncontrolled >= 0).tolist() == [True, False, True, True, False, True]
+    np.testing.assert_allclose(found.sigma_of_pair[[0, 5]], found.sigma[[0, 5]], rtol=1e-9)
 
 
 def test_neighbours_are_more_accurate_to_each_other_with_their_common_errors_left_out(dense: Dense) -> None:
@@ -180,7 +246,7 @@ def test_neighbours_are_more_accurate_to_each_other_with_their_common_errors_lef
 
 def test_an_undetected_error_of_a_ray_moves_the_point_as_its_own_rays_allow(dense: Dense) -> None:
     mapped = dense.mapped
-    for cell in seen(mapped, 3)[::2]:
+    for cell in seen(mapped)[::2]:
         of_point, of_rest = dense.derivatives(cell, images_of(mapped, cell))
         gain = np.linalg.inv(of_point.T @ of_point) @ of_point.T
         residual = np.eye(len(of_point)) - of_point @ gain
