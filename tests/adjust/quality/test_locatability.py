@@ -10,7 +10,10 @@ import pytest
 
 from adjust.adjustment import adjust_block
 from adjust.options import AdjustmentOptions
+from adjust.parameters import OBJECT_POINT
+from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.locatability import Explanations, explanations
+from adjust.quality.snooping_statistic import normal_equivalent
 from adjust.result import AdjustmentResult, ObservationStatus
 from tests.adjust.scenes import MICROMETRE, Scene, two_strips
 
@@ -90,6 +93,46 @@ def test_two_rays_explain_a_misfit_equally_well() -> None:
     assert found.statistic[0] == pytest.approx(found.statistic[1], rel=1e-6)
     assert found.statistic[0] > 10.0
     assert not found.is_located
+
+
+def test_every_ray_explains_what_the_matrices_of_its_point_say() -> None:
+    """T_j over the directions of R_jj that are controlled, and the largest controlled |w|; of all points."""
+    scene = two_strips(noise_seed=8)
+    rays, state = scene.observations.image_points, scene.truth
+    surveyed = {int(point): np.diag([400.0, 100.0, 900.0]) for point in scene.observations.others[0].point}
+    found = explanations(rays, state, np.unique(rays.point), surveyed)
+    equations = rays.linearize(state)
+    of_point = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)
+    uncontrolled = 0
+    for point, item in found.items():
+        own = np.flatnonzero(rays.point == point)
+        assert item.ray.tolist() == own.tolist()
+        weight = 1.0 / rays.sigma[own].ravel()
+        matrix = weight[:, None] * of_point[own].reshape(-1, 3)
+        normal = matrix.T @ matrix + surveyed.get(point, np.zeros((3, 3)))
+        remainder = np.eye(len(matrix)) - matrix @ np.linalg.solve(normal, matrix.T)
+        misfit = remainder @ (weight * equations.misclosure[own].ravel())
+        for k in range(len(own)):
+            rows = slice(2 * k, 2 * k + 2)
+            values, vectors = np.linalg.eigh(remainder[rows, rows])
+            kept = values >= UNCONTROLLED
+            statistic = np.sum((vectors.T @ misfit[rows])[kept] ** 2 / values[kept])
+            assert item.statistic[k] == pytest.approx(statistic, rel=1e-6, abs=1e-9)
+            expected = normal_equivalent(np.array([statistic]), np.array([kept.sum()]))[0]
+            assert item.equivalent[k] == pytest.approx(expected, rel=1e-6, abs=1e-6)
+            control = np.diagonal(remainder)[rows]
+            told = control >= UNCONTROLLED
+            w = np.abs(misfit[rows])[told] / np.sqrt(control[told])
+            assert item.component[k] == pytest.approx(w.max(initial=0.0), rel=1e-6, abs=1e-9)
+            uncontrolled += np.count_nonzero(~told)
+    assert len(found) > 40
+    assert uncontrolled > 10
+
+
+def test_the_likeliest_rays_are_those_that_explain_most_of_both_coordinates() -> None:
+    rays, statistic, component = np.arange(3) + 7, np.array([40.0, 50.0, 30.0]), np.array([5.0, 5.5, 5.4])
+    found = Explanations(rays, statistic, np.sqrt(statistic), component)
+    assert found.likeliest(2).tolist() == [8, 7]
 
 
 def test_a_single_explanation_locates_nothing() -> None:

@@ -7,11 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adjust.least_squares import Adjuster
 from adjust.observations.control_point import ControlPoints
 from adjust.observations.distance import Distances
+from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT
-from adjust.quality.rejection import Rejection, _least, choose
-from adjust.solve.system import Observations
+from adjust.quality import rejection
+from adjust.quality.control_locatability import Doubtful
+from adjust.quality.rejection import Rejection, SnoopingRule, _least, choose, survey_information
+from adjust.solve.system import Observations, System
 from tests.adjust.scenes import DEGREE, MICROMETRE, Scene, two_strips
 
 RAYS, CONTROL, GNSS = 0, 1, 2
@@ -127,11 +131,31 @@ def test_one_ray_and_a_height_determine_a_point_but_not_one_ray_alone(
     assert np.count_nonzero(found.given_up) == given_up
 
 
-def test_a_survey_that_goes_leaves_a_point_of_one_ray_undetermined() -> None:
-    scene = two_strips()
+def test_what_surveys_know_of_their_points_is_their_weight_along_local_axes() -> None:
+    scene = two_strips(distances=4)
+    control = scene.observations.others[0]
+    assert isinstance(control, ControlPoints)
+    found = survey_information(scene.observations, scene.truth)
+    assert sorted(found) == sorted(control.point.tolist())
+    whitener = control.stochastic.whitener * control.stochastic.present[:, None, :]
+    axes = control.frame.local_from_enu(scene.truth.object_point[control.point])
+    for k, point in enumerate(control.point.tolist()):
+        weight = axes[k] @ whitener[k].T @ whitener[k] @ axes[k].T
+        np.testing.assert_allclose(found[point], weight, rtol=1e-3, atol=1e-3 * np.trace(weight))
+
+
+@pytest.mark.parametrize("distances", [0, 4])
+def test_a_survey_that_goes_leaves_a_point_of_one_ray_undetermined(distances: int) -> None:
+    """Also if a distance begins there, which determines no point."""
+    scene = two_strips(distances=distances)
     point = int(scene.observations.others[0].point[0])
     # A point that was undetermined before is no matter of this pass.
     scene = with_rays_of(with_rays_of(scene, point, [0]), unsurveyed(scene, 5)[0], [0])
+    if distances:
+        *others, last = scene.observations.others
+        assert isinstance(last, Distances)
+        joined = replace(last, point=np.append(point, last.point[1:]))
+        scene = replace(scene, observations=Observations(scene.observations.image_points, (*others, joined)))
     found = chosen(scene, {(CONTROL, 0): 9.0})
     assert rows(found, CONTROL) == [0]
     assert np.flatnonzero(found.given_up).tolist() == [point]
@@ -191,3 +215,24 @@ def test_what_the_error_of_another_may_cause_waits_until_that_one_is_gone() -> N
     assert least({ray: 40.0, (GNSS, 3): 30.0}) == pytest.approx((28.0, 21.0, 28.0))
     # Nothing takes a prior away, so it hides as little as an image point elsewhere.
     assert least({ray: 40.0, (prior, 0): 120.0}) == pytest.approx((28.0, 24.0, 84.0))
+
+
+def test_a_control_point_that_cannot_be_told_from_another_keeps_no_ray_of_its_point_from_going(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its own statistic is the larger one, but as it stays, nothing of its point goes in the ray's place."""
+    scene = two_strips()
+    adjusted = Adjuster(AdjustmentOptions()).adjust(
+        System.of(scene.block, scene.observations), scene.truth
+    )
+    control, rays = scene.observations.others[0], scene.observations.image_points
+    ray = int(np.flatnonzero(rays.point == control.point[0])[0])
+    statistics = tuple(np.zeros(len(group.event)) for group in scene.observations.groups)
+    statistics[CONTROL][0], statistics[RAYS][ray] = 50.0, 45.0
+    is_first = np.arange(len(control.point)) == 0
+    doubtful = Doubtful(CONTROL, is_first, control.point[:2], 50.0)
+    monkeypatch.setattr(rejection, "snooping_statistics", lambda *_: statistics)
+    monkeypatch.setattr(rejection, "doubtful_control", lambda *_, **__: doubtful)
+    found = rejection.reject(adjusted, SnoopingRule(4.0))
+    assert (rows(found, CONTROL), rows(found, RAYS)) == ([], [ray])
+    assert found.inseparable.tolist() == sorted(control.point[:2].tolist())
