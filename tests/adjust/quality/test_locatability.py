@@ -100,6 +100,9 @@ def test_every_ray_explains_what_the_matrices_of_its_point_say() -> None:
     scene = two_strips(noise_seed=8)
     rays, state = scene.observations.image_points, scene.truth
     surveyed = {int(point): np.diag([400.0, 100.0, 900.0]) for point in scene.observations.others[0].point}
+    # Heights of half a metre, which hardly control two rays along the base.
+    of_two_rays = np.flatnonzero(np.bincount(rays.point) == 2)
+    surveyed |= {int(point): np.diag([0.0, 0.0, 4.0]) for point in of_two_rays[::2]}
     found = explanations(rays, state, np.unique(rays.point), surveyed)
     equations = rays.linearize(state)
     of_point = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)

@@ -33,6 +33,12 @@ def test_nothing_controlled_gives_nothing() -> None:
     assert normal_equivalent(np.array([0.0]), np.array([0])) == 0.0
 
 
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+def test_where_all_degrees_of_freedom_are_its_own_nothing_is_there_to_compare_with(dimension: int) -> None:
+    variance = EstimatedVariance(40.0, dimension)
+    assert normal_equivalent(np.array([40.0]), np.array([dimension]), variance) == 0.0
+
+
 def test_one_component_with_estimated_variance_is_the_tau_test() -> None:
     f, sigma0_squared = 80, 1.7
     variance = EstimatedVariance(f * sigma0_squared, f)

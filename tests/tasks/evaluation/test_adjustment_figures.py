@@ -18,10 +18,12 @@ from tasks.block.block_input import SurveyedPoints
 from tasks.coordinates.crs import MapFrame
 from tasks.evaluation.adjustment_figures import adjustment_figures, variance_figures
 from tasks.evaluation.result_tables import AdjustedBlock
+from tasks.evaluation.trust_map import new_sigma
 from tasks.remarks.observation_sigmas import variance_sentences
 from tasks.results.figures import ComponentFigure, VarianceFigures
 from tasks.settings.adjustment import AdjustmentSettings
 from tasks.settings.coordinates import ELLIPSOIDAL
+from tasks.settings.trust_map import TrustMapSettings
 from tests.adjust.scenes import two_strips, with_cameras_in_order
 
 NOTHING = np.zeros((0, 3))
@@ -59,6 +61,22 @@ def test_sigma0_in_pixels_is_in_those_of_the_camera_of_each_ray(adjusted: Adjust
         replace(adjusted, block=block, result=result), AdjustmentSettings(), pd.DataFrame()
     )
     assert found["sigma0_px"] == pytest.approx(0.25 * result.test.sigma0)
+
+
+def test_of_image_points_of_unlike_sigmas_the_median_stands_for_all(adjusted: AdjustedBlock) -> None:
+    """A third of them measured by hand, four times as badly: the mean would be twice as large."""
+    rays = adjusted.result.groups[0]
+    by_hand = np.where(np.arange(len(rays.sigma)) % 3 == 0, 4.0, 1.0)[:, None]
+    result = replace(
+        adjusted.result,
+        groups=(replace(rays, sigma=3e-6 * by_hand * np.ones(2)), *adjusted.result.groups[1:]),
+    )
+    given = replace(adjusted, result=result, sigma0=1.5)
+    found = adjustment_figures(given, AdjustmentSettings(), pd.DataFrame())
+    pixel = adjusted.block.cameras[0].pixel_size
+    assert found["sigma0_um"] == pytest.approx(3.0 * result.test.sigma0)
+    assert found["sigma0_px"] == pytest.approx(3e-6 / pixel * result.test.sigma0)
+    assert new_sigma(given, TrustMapSettings()) == pytest.approx(1.5 * 3e-6)
 
 
 def test_values_of_several_units_have_no_common_median_sigma() -> None:
