@@ -11,6 +11,7 @@ import pytest
 from adjust.adjustment import adjust_block, estimate_block
 from adjust.arrays import Floats
 from adjust.errors import DatumDefectError, InconsistentBlockError
+from adjust.geometry import rotation
 from adjust.geometry.earth import CartesianFrame
 from adjust.observations.base import StochasticModel
 from adjust.observations.control_point import ControlPoints
@@ -30,7 +31,7 @@ from adjust.solve.design_matrix import DesignMatrix, design_matrix, full_normals
 from adjust.solve.factorization import factorize
 from adjust.solve.free_network import OpenMovements, open_movements
 from adjust.solve.full_vectors import FullVectors, solve_full
-from adjust.solve.gauss_newton import Solution
+from adjust.solve.gauss_newton import Solution, iterate
 from adjust.solve.normal_equations import ReducedNormals, reduced_normals, substitute_back
 from adjust.solve.system import Observations, System
 from tests.adjust.scenes import Scene, two_strips, with_rejected_rays
@@ -387,6 +388,23 @@ def test_no_small_movement_of_the_block_brings_it_closer_to_the_approximate_valu
             turned = points + 1e-3 * step * np.cross(axis, centred)
             assert np.sum((turned - given) ** 2) > least
         assert np.sum((points + 1e-3 * step * centred - given) ** 2) > least
+
+
+def test_a_block_that_begins_turned_and_moved_as_a_whole_ends_in_the_same_datum() -> None:
+    """Its residuals are at their end from the first step on."""
+    scene = scene_of("nothing")
+    system = System.of(scene.block, scene.observations, inner_constraints="both")
+    end = iterate(system, scene.block.approximate_state(), 20).state
+    turn = rotation.exp(np.array([[0.05, -0.1, 0.3]]))[0]
+    moved = replace(
+        end,
+        projection_centre=1.1 * end.projection_centre @ turn.T + [300.0, 200.0, 50.0],
+        local_from_camera=turn @ end.local_from_camera,
+        object_point=1.1 * end.object_point @ turn.T + [300.0, 200.0, 50.0],
+    )
+    found = iterate(system, moved, 20).state
+    np.testing.assert_allclose(found.projection_centre, end.projection_centre, atol=1e-4)
+    np.testing.assert_allclose(found.object_point, end.object_point, atol=1e-4)
 
 
 @pytest.mark.parametrize("block", ["nothing", "heights", "one point", "attitudes"])

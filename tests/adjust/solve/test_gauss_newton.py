@@ -12,8 +12,8 @@ from adjust.adjustment import adjust_block, estimate_block
 from adjust.errors import DivergenceError
 from adjust.parameters import BORESIGHT
 from adjust.quality.cofactor import cofactor
-from adjust.solve.gauss_newton import iterate
-from adjust.solve.normal_equations import reduced_normals
+from adjust.solve.gauss_newton import iterate, single_step
+from adjust.solve.normal_equations import reduced_normals, weighted_squares
 from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips
 
@@ -74,6 +74,34 @@ def test_the_end_does_not_depend_on_the_path_to_it() -> None:
         assert np.nanmax(np.abs(points / of_points)) < 1e-9
 
 
+def test_near_the_end_a_solution_counts_as_stalled_with_the_equations_of_its_last_step() -> None:
+    scene = two_strips(noise_seed=1, start_seed=2)
+    system = system_of(scene)
+    found = iterate(system, scene.block.approximate_state(), 20, near=True)
+    moves = [step.largest_move for step in found.iterations]
+    assert 1e-3 < moves[-1] < 1.0 < min(moves[:-1])
+    assert found.stalled
+    assert found.linearized_at is not None
+    left = reduced_normals(system, found.linearized_at).weighted_squares
+    assert found.normals.weighted_squares == pytest.approx(left, rel=1e-12)
+    end = iterate(system, found.state, 20)
+    again = iterate(system, end.state, 20, near=True)
+    assert (end.stalled, again.stalled) == (False, False)
+
+
+def test_one_linear_step_promises_the_squares_that_are_left_without_a_few_observations() -> None:
+    scene = two_strips(noise_seed=1, start_seed=2)
+    system, rays = system_of(scene), scene.observations.image_points
+    end = iterate(system, scene.block.approximate_state(), 20)
+    gone = np.isin(np.arange(len(rays.image)), [40, 90])
+    left = system.remaining(replace(system.observations, image_points=rays.without(gone)))
+    solution, promised = single_step(system, end, left, end.linearization)
+    assert solution.stalled
+    at_end = weighted_squares(left, iterate(left, solution.state, 20).state)
+    assert promised == pytest.approx(at_end, rel=1e-6)
+    assert at_end < 0.999 * end.normals.weighted_squares
+
+
 @pytest.mark.parametrize("ray", [40, 41, 42, 136])
 def test_rounding_in_the_last_step_is_not_taken_for_divergence(ray: int) -> None:
     # Heights of control points carry the rounding of geocentric coordinates, 1e-9 m, and vPv with
@@ -114,6 +142,7 @@ def test_a_start_out_of_reach_of_plain_steps_is_reached_with_damping(seed: int) 
     )
     near = iterate(system, state, 20)
     solution = iterate(system, far, 60)
+    assert iterate(system, far, 60, near=True).iterations[-1].damping == 0.0
     assert any(step.damping > 0.0 for step in solution.iterations)
     assert solution.iterations[-1].damping == 0.0
     np.testing.assert_allclose(solution.state.projection_centre, near.state.projection_centre, atol=1e-6)
