@@ -222,9 +222,7 @@ def test_a_control_point_that_cannot_be_told_from_another_keeps_no_ray_of_its_po
 ) -> None:
     """Its own statistic is the larger one, but as it stays, nothing of its point goes in the ray's place."""
     scene = two_strips()
-    adjusted = Adjuster(AdjustmentOptions()).adjust(
-        System.of(scene.block, scene.observations), scene.truth
-    )
+    adjusted = Adjuster(AdjustmentOptions()).adjust(System.of(scene.block, scene.observations), scene.truth)
     control, rays = scene.observations.others[0], scene.observations.image_points
     ray = int(np.flatnonzero(rays.point == control.point[0])[0])
     statistics = tuple(np.zeros(len(group.event)) for group in scene.observations.groups)

@@ -152,7 +152,8 @@ def test_all_rays_have_the_joint_covariance_of_their_images(dense: Dense) -> Non
 
 def with_parameters_of_pairs_of_images(scene: Scene) -> Scene:
     """The block with x² and x r² for every other pair of images, others for the rest; image points shifted."""
-    names, rays, block = ("test:square", "test:radial"), scene.observations.image_points, scene.block
+    names, block = ("test:square", "test:radial"), scene.block
+    rays = scene.observations.image_points
     of_image = np.arange(len(block.images)) // 2 % 2
     model = SelfCalibration(names, (Polynomials(names),) * 2, of_image)
     family = additional_family(names, ("µm",) * 2)
