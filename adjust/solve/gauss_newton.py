@@ -166,7 +166,7 @@ def iterate(
         return replace(found, iterations=end.iterations, stalled=end.stalled)
     if only_near:
         return _solution(last, end.iterations, True)
-    settled = last.is_newton and last.largest_move < _SETTLED and last.movements is None
+    settled = last.is_newton and last.largest_move < _SETTLED
     if not settled:
         last = Step.newton(system, end.state, reduced_normals(system, end.state))
     return _solution(last, end.iterations, False)

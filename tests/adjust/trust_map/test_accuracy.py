@@ -151,7 +151,7 @@ def test_all_rays_have_the_joint_covariance_of_their_images(dense: Dense) -> Non
 
 
 def with_parameters_of_pairs_of_images(scene: Scene) -> Scene:
-    """The block with x² and x r² for every other pair of images, others for the rest; image points shifted."""
+    """The block with x² and x r² of every other pair of images and of the rest; image points are shifted."""
     names, block = ("test:square", "test:radial"), scene.block
     rays = scene.observations.image_points
     of_image = np.arange(len(block.images)) // 2 % 2
