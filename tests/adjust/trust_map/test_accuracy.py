@@ -386,3 +386,29 @@ def test_considered_parameters_and_corrections_add_their_errors_to_every_figure(
         np.testing.assert_allclose(mapped.accuracy.sigma_relative[cell], sigmas(total), rtol=1e-6)
         differing.append(len(common) < max(len(images_of(mapped, place)) for place in (cell, other)))
     assert {True, False} <= set(differing)
+
+
+def test_with_other_errors_a_cell_has_the_same_accuracy_alone_as_behind_many_others() -> None:
+    """Of the many, the last few are worked on after the others, in the same memory."""
+    scene = two_strips(noise_seed=3)
+    known = ConsideredParameters((ParameterPlace(INTERIOR_ORIENTATION, 0, 1),), np.array([[4e-10]]))
+    corrections = corrections_of(scene.block)
+    mapped = Mapped.of(replace(scene, block=replace(scene.block, considered=known)), corrections)
+    middle = mapped.cells.x_in_local[np.argmax(mapped.sight.rays)]
+    many = turned(cells_over(np.array([middle - 25.0, middle + 25.0]), 6, 6))
+    few = GroundCells(many.x_in_local[-6:], many.local_from_axes[-6:], np.append(np.arange(1, 6), -1))
+    others = mapped.result.cofactor.considered, corrections
+    of_many, alone = (
+        cell_accuracy(
+            mapped.solution,
+            cells,
+            sight_of(scene.block, mapped.result.state, cells.x_in_local),
+            MEASURED,
+            *others,
+        )
+        for cells in (many, few)
+    )
+    for name in ("sigma", "sigma_of_pair", "sigma_relative", "external", "uncontrolled"):
+        found, expected = getattr(of_many, name)[-6:], getattr(alone, name)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, err_msg=name)
+    assert np.isfinite(alone.sigma_relative[:-1]).all()
