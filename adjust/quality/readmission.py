@@ -21,7 +21,6 @@ from adjust.observations.base import JoinsPoints
 from adjust.observations.image_point import ImagePoints
 from adjust.parameters import State
 from adjust.quality.cofactor import with_points
-from adjust.quality.detectability import UNCONTROLLED
 from adjust.quality.locatability import explanations
 from adjust.quality.rejection import SnoopingRule, estimated_variance, survey_information
 from adjust.quality.single_error import equations_at, single_errors
@@ -171,25 +170,28 @@ def _predicted(
     outside : (n, m, m) their cofactors, zero for components that are not there.
     considered : (n, m, m) what errors of considered parameters add to them.
     whitener : (n, m, m) or (1, m, m) W; w is a component of Wᵀ z over its root mean square.
-    weight : (n,) T_ii: an eigenvalue of the cofactor is T_ii² over the one inside.
+    weight : (n,) T_ii: W v inside is T_ii times (I + H)⁻¹ z.
     """
     absent = np.diagonal(outside, axis1=1, axis2=2) == 0.0
     whole = outside + absent[:, :, None] * np.eye(outside.shape[1])
+    inverse = np.linalg.inv(whole)
+    back, spread = (inverse @ pull[:, :, None])[:, :, 0], inverse + inverse @ considered @ inverse
     if rule.test == "components":
-        inverse = np.linalg.inv(whole)
-        spread = inverse + inverse @ considered @ inverse
         transposed = np.swapaxes(whitener, 1, 2)
-        back = np.abs((transposed @ (inverse @ pull[:, :, None]))[:, :, 0])
-        squares_of_back = np.diagonal(transposed @ spread @ whitener, axis1=1, axis2=2)
-        size = np.where(absent, 0.0, back) / np.sqrt(np.where(absent, 1.0, squares_of_back))
+        size = np.abs((transposed @ back[:, :, None])[:, :, 0])
+        squares = np.diagonal(transposed @ spread @ whitener, axis1=1, axis2=2)
+        size = np.where(absent, 0.0, size) / np.sqrt(np.where(absent, 1.0, squares))
         tests = [(size.max(axis=1) ** 2, np.ones(len(size), dtype=np.int64))]
     else:
-        most = weight[:, None] ** 2 / UNCONTROLLED
-        tests = [directional_statistic(pull, outside + considered, limit) for limit in (np.inf, most)]
+        inside = np.where(absent[:, :, None] | absent[:, None, :], 0.0, weight[:, None, None] ** 2 * spread)
+        tests = [
+            directional_statistic(pull, outside + considered),
+            directional_statistic(weight[:, None] * back, inside),
+        ]
     if variance is None:
         return np.asarray(np.max([normal_equivalent(*test) for test in tests], axis=0))
     # With the observation back, vᵀPv and the redundancy would be larger by just these.
-    more = np.einsum("ni,ni->n", pull, np.linalg.solve(whole, pull[:, :, None])[:, :, 0])
+    more = np.einsum("ni,ni->n", pull, back)
     present = np.sum(~absent, axis=1)
     statistics = np.zeros(len(pull))
     for i in range(len(pull)):

@@ -77,19 +77,16 @@ def _log_beta_tail(statistic: Floats, dimension: Ints, variance: EstimatedVarian
     return logarithm
 
 
-def directional_statistic(
-    whitened: Floats, remainder: Floats, most: Floats | float = np.inf
-) -> tuple[Floats, Ints]:
+def directional_statistic(whitened: Floats, remainder: Floats) -> tuple[Floats, Ints]:
     """T (n,) and its dimension (n,) over the directions that are controlled.
 
     Parameters
     ----------
     whitened : (n, m) u, zero for what is not used; with errors correlated over time the pull.
     remainder : (n, m, m) its cofactor R; for a prediction I + H.
-    most : (n, 1) eigenvalue of the cofactor of a prediction above which nothing controls it.
     """
     values, vectors = np.linalg.eigh(remainder)
-    controlled = (values >= UNCONTROLLED) & (values <= most)
+    controlled = values >= UNCONTROLLED
     along = np.einsum("nij,ni->nj", vectors, whitened)
     squares = np.where(controlled, along**2 / np.where(controlled, values, 1.0), 0.0)
     return np.sum(squares, axis=1), np.sum(controlled, axis=1)

@@ -11,12 +11,15 @@ import pytest
 from adjust.adjustment import adjust_block
 from adjust.data_snooping import Search
 from adjust.least_squares import Adjuster
+from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
+from adjust.parameters import BORESIGHT, GNSS_SHIFT, ConsideredParameters, ParameterPlace
+from adjust.quality.locatability import explanations
 from adjust.quality.readmission import in_place
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
 from adjust.result import ObservationStatus
-from adjust.solve.system import System
-from tests.adjust.scenes import MICROMETRE, Scene, two_strips
+from adjust.solve.system import Observations, System
+from tests.adjust.scenes import DEGREE, MICROMETRE, Scene, two_strips
 
 RULE = SnoopingRule(4.13)
 
@@ -140,6 +143,106 @@ def test_sound_rays_of_one_point_come_back_one_after_the_other(test: Any) -> Non
     assert not search.rejected[0].any()
 
 
+def with_ray_error(scene: Scene, ray: int, component: int, error_um: float) -> Scene:
+    rays = scene.observations.image_points
+    xy = rays.xy.copy()
+    xy[ray, component] += error_um * MICROMETRE
+    return replace(scene, observations=replace(scene.observations, image_points=replace(rays, xy=xy)))
+
+
+def test_a_ray_comes_back_to_a_point_of_which_another_ray_is_wrong_without_it_too() -> None:
+    first = rays_of_many(two_strips(noise_seed=8))[0]
+    scene = with_ray_error(two_strips(noise_seed=8), first + 2, 1, 20.0)
+    back = search_without(scene, [first], [], []).fitting_again(RULE)
+    assert np.flatnonzero(back.observations[0]).tolist() == [first]
+
+
+def test_of_a_surveyed_point_a_ray_that_fits_comes_back_whatever_the_others_would_say_alone() -> None:
+    """Without the survey another ray would be suspicious as soon as it is back."""
+    scene = two_strips(noise_seed=8)
+    rays, point = scene.observations.image_points, scene.observations.others[0].point[2]
+    second = int(np.flatnonzero(rays.point == point)[1])
+    back = search_without(with_ray_error(scene, second, 0, 8.0), [second], [], []).fitting_again(RULE)
+    assert np.flatnonzero(back.observations[0]).tolist() == [second]
+
+
+@pytest.mark.parametrize("correlation_s", [10.0, 200.0])
+def test_of_two_neighbours_of_a_strip_each_is_predicted_without_the_other(correlation_s: float) -> None:
+    """What the first one had if it came back alone: its neighbours are those that are left."""
+    scene = two_strips(noise_seed=8, gnss_correlation_s=correlation_s)
+    alone = search_without(scene, [], [4], [])
+    inside = float(snooping_statistics(alone.adjusted, RULE)[2][3])
+    search = search_without(scene, [], [3, 4], [])
+    for value, comes in ((0.999 * inside, False), (1.001 * inside, True)):
+        found = search.fitting_again(replace(RULE, critical_value=value))
+        assert bool(found.observations[2][3]) is comes
+
+
+def test_rays_of_a_point_close_within_the_sigma0_that_the_residuals_say() -> None:
+    """Where it is not trusted; all standard deviations are stated twice as large as they are."""
+    scene = two_strips(noise_seed=8)
+    observations = Observations(
+        scene.observations.image_points.rescaled(np.array(2.0)),
+        tuple(group.rescaled(np.array(2.0)) for group in scene.observations.others),
+    )
+    point = two_ray_point(scene)
+    search = search_without(replace(scene, observations=observations), [], [], [point])
+    adjusted, rays = search.adjusted, observations.image_points
+    sigma0 = np.sqrt(adjusted.weighted_squares / adjusted.redundancy)
+    assert sigma0 == pytest.approx(0.5, abs=0.05)
+    state = in_place(adjusted, observations, search.given_up).state
+    w = float(explanations(rays, state, np.array([point]), {})[point].component.max())
+    for reference, factor in (("a_priori", 1.0), ("a_posteriori", sigma0)):
+        for value, comes in ((0.999 * w / factor, 0), (1.001 * w / factor, 1)):
+            rule = SnoopingRule(value, reference_variance=reference)  # type: ignore[arg-type]
+            assert search.fitting_again(rule).count == comes
+
+
+def test_taken_back_is_what_came_back_and_was_not_rejected_again() -> None:
+    scene = two_strips(noise_seed=8)
+    rays = scene.observations.image_points
+    one, other = np.setdiff1d(
+        np.flatnonzero(np.bincount(rays.point) == 5), scene.observations.others[0].point
+    )[[0, -1]]
+    search = search_without(scene, [], [], [])
+    returned = tuple(mask.copy() for mask in search.returned)
+    rejected, points, given_up = (
+        tuple(mask.copy() for mask in search.rejected),
+        search.returned_points.copy(),
+        search.given_up.copy(),
+    )
+    returned[2][[3, 4]], rejected[2][4] = True, True
+    # Of the five rays of a point that came back one is rejected; another point was given up again.
+    points[[one, other]], given_up[other] = True, True
+    rejected[0][np.flatnonzero(rays.point == one)[2]] = True
+    found = replace(search, returned=returned, rejected=rejected, returned_points=points, given_up=given_up)
+    assert found.taken_back == 1 + 4
+
+
+@pytest.mark.parametrize("test", ["components", "observations"])
+def test_with_errors_of_considered_parameters_the_statistic_is_the_same_inside_and_outside(test: Any) -> None:
+    """Of a boresight known to 0.01° and a shift known to 0.1 m, which make residuals larger."""
+    scene = two_strips(noise_seed=8)
+    places = tuple(ParameterPlace(family, 0, k) for family in (BORESIGHT, GNSS_SHIFT) for k in range(3))
+    covariance = np.diag([(0.01 * DEGREE) ** 2] * 3 + [0.1**2] * 3)
+    known = ConsideredParameters(places, covariance)
+    block = replace(scene.block, considered=known)
+    adjuster = Adjuster(AdjustmentOptions())
+    system = System.of(block, scene.observations)
+    adjusted, rule = adjuster.adjust(system, block.approximate_state()), SnoopingRule(4.13, test)
+    statistics = snooping_statistics(adjusted, rule)
+    first, second = (ray + int(np.argmax(statistics[0][ray : ray + 5])) for ray in rays_of_many(scene))
+    for group, row in ((0, first), (0, second), (2, 4), (2, 3), (3, 6)):
+        inside = float(statistics[group][row])
+        rejected = tuple(np.zeros(len(item.event), dtype=bool) for item in scene.observations.groups)
+        rejected[group][row] = True
+        search = replace(Search.start(scene.observations, adjusted), rejected=rejected)
+        search = replace(search, adjusted=adjuster.again(adjusted, search.remaining()))
+        for value, comes in ((0.999 * inside, 0), (1.001 * inside, 1)):
+            found = search.fitting_again(replace(rule, critical_value=value))
+            assert found.count == comes, (group, row)
+
+
 @pytest.mark.parametrize("test", ["components", "observations"])
 @pytest.mark.parametrize("reference", ["a_priori", "a_posteriori"])
 @pytest.mark.parametrize("correlation_s", [None, 10.0, 200.0])
@@ -194,3 +297,23 @@ def test_a_partly_controlled_observation_has_the_same_statistic_inside_and_outsi
         assert search.fitting_again(replace(rule, critical_value=0.999 * inside)).count == 0
         # All directions together may be larger than those that are controlled.
         assert search.fitting_again(replace(rule, critical_value=1.001 * inside + 1.0)).count == 1
+
+
+def test_an_error_in_a_direction_that_nothing_else_controls_keeps_an_observation_out() -> None:
+    """A height 1 m off of a control point of 12 mm, which the rays check to a few centimetres only."""
+    scene = two_strips(noise_seed=8, control=("full",) * 5, sigma_control_m=0.012)
+    control = scene.observations.others[0]
+    assert isinstance(control, ControlPoints)
+    height = control.given_height.copy()
+    height[1] += 1.0
+    others = (replace(control, given_height=height), *scene.observations.others[1:])
+    search = search_without(
+        replace(scene, observations=replace(scene.observations, others=others)), [], [], []
+    )
+    rejected = tuple(mask.copy() for mask in search.rejected)
+    rejected[1][1] = True
+    search = replace(search, rejected=rejected)
+    adjuster = Adjuster(AdjustmentOptions(critical_value=4.13))
+    search = replace(search, adjusted=adjuster.again(search.adjusted, search.remaining()))
+    for rule in (RULE, SnoopingRule(4.13, "observations")):
+        assert search.fitting_again(rule).count == 0
