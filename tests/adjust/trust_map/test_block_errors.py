@@ -21,7 +21,7 @@ from adjust.solve.system import Observations
 from adjust.trust_map.accuracy import joint_solution, new_rays
 from adjust.trust_map.block_errors import block_errors
 from adjust.trust_map.cells import GroundCells, Sight, sight_of
-from adjust.trust_map.ray_errors import images_around
+from adjust.trust_map.ray_errors import BlockRays, images_around
 from tests.adjust.scenes import Scene, two_strips
 from tests.adjust.trust_map.grids import cells_over, turned
 
@@ -73,8 +73,8 @@ def test_the_largest_effect_is_that_of_an_adjustment_with_the_smallest_error_tha
     correlated: float | None,
 ) -> None:
     scene = two_strips(
-        free={INTERIOR_ORIENTATION: [[True, False, False]], GNSS_SHIFT: True},
-        control=("full", "full", "full"),
+        free={INTERIOR_ORIENTATION: [[True, False, False]], GNSS_SHIFT: [[True, True, False]]},
+        control=("full", "covariance", "full"),
         ins=False,
         gnss_correlation_s=correlated,
     )
@@ -174,6 +174,46 @@ def test_cells_that_are_solved_for_a_few_at_a_time_have_the_same_effects(
     apart = block_errors(solution, result, cells, sight, chosen)
     np.testing.assert_allclose(apart.of_orientation, together.of_orientation, rtol=1e-9)
     np.testing.assert_allclose(apart.of_rays, together.of_rays, rtol=1e-9)
+    # Each of them has its own effects, whatever the order in which they are worked on.
+    backwards = block_errors(solution, result, cells, sight, chosen[::-1])
+    np.testing.assert_allclose(backwards.of_orientation[::-1], together.of_orientation, rtol=1e-9)
+    np.testing.assert_allclose(backwards.of_rays[::-1], together.of_rays, rtol=1e-9)
+    assert np.ptp(together.of_rays[:, 2]) > 0.0
+
+
+def test_rejected_image_points_and_points_that_are_given_up_have_no_effect() -> None:
+    """One of them surveyed; the same without the image points."""
+    scene = two_strips(noise_seed=3)
+    rays, (control, *others) = scene.observations.image_points, scene.observations.others
+    point = np.setdiff1d(np.flatnonzero(np.bincount(rays.point) >= 4), control.point)[0]
+    gone = np.isin(rays.point, [point, control.point[2]])
+    gone[np.flatnonzero(rays.point == control.point[0])[0]] = True
+    survey = control.without(np.arange(len(control.point)) == 2)
+    cells = turned(cells_over(scene.truth.object_point, 6, 5))
+    sight = sight_of(scene.block, scene.truth, cells.x_in_local)
+    found = []
+    for left in (rays.without(gone), rays.only(np.flatnonzero(~gone))):
+        result = adjust_block(scene.block, Observations(left, (survey, *others)))
+        solution = joint_solution(result, sight)
+        found.append(block_errors(solution, result, cells, sight, np.flatnonzero(sight.rays >= 2)))
+    np.testing.assert_allclose(found[0].of_orientation, found[1].of_orientation, rtol=1e-6)
+    np.testing.assert_allclose(found[0].of_rays, found[1].of_rays, rtol=1e-6)
+    assert np.isfinite(found[0].of_rays).all()
+
+
+def test_of_an_object_point_only_the_rays_in_the_images_of_a_cell_are_counted() -> None:
+    scene = two_strips(noise_seed=3, free={INTERIOR_ORIENTATION: [[True, False, False]]}, distances=4)
+    result = adjust_block(scene.block, scene.observations)
+    sight = sight_of(scene.block, result.state, scene.truth.object_point)
+    images, random = np.arange(len(scene.block.images)), np.random.default_rng(3)
+    rays = BlockRays.seen_from(images, joint_solution(result, sight), result.groups[0])
+    x, border = random.normal(size=(len(images), 6, 3)), random.normal(size=(1, 3))
+    for image in images:
+        alone = Sight(np.array([0, 1]), np.array([image]))
+        assert np.all(rays.largest_effects(alone, x, border) > 0.0)
+        its = (rays.image == image)[:, None]
+        others = replace(rays, detectable=np.where(its, 0.0, rays.detectable))
+        assert np.all(others.largest_effects(alone, x, border) == 0.0)
 
 
 def test_images_around_a_cell_have_a_point_in_common_with_one_that_sees_it() -> None:

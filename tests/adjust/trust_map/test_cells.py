@@ -4,7 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from adjust.trust_map.cells import Sight
+from adjust.parameters import INTERIOR_ORIENTATION
+from adjust.trust_map.cells import Sight, sight_of
+from tests.adjust.scenes import two_strips
+from tests.adjust.trust_map.grids import cells_over
+
+
+def test_an_image_sees_what_its_own_camera_has_in_its_format() -> None:
+    """One camera stands along, the other one across."""
+    scene = two_strips(cameras=2, flights=2)
+    place = cells_over(scene.truth.object_point, 30, 20).x_in_local
+    sight, block = sight_of(scene.block, scene.truth, place), scene.block
+    expected = []
+    for image, camera in enumerate(block.camera_of_image):
+        rotation, centre = (
+            values[image] for values in (scene.truth.local_from_camera, scene.truth.projection_centre)
+        )
+        p = (place - centre) @ rotation
+        c, x0, y0 = scene.truth.system[INTERIOR_ORIENTATION][camera]
+        xy = np.array([x0, y0]) - c * p[:, :2] / p[:, 2:]
+        expected.append((np.abs(xy) <= block.cameras[camera].half_format).all(axis=1) & (p[:, 2] < 0.0))
+    for cell, seen in enumerate(np.array(expected).T):
+        assert (
+            sight.image[sight.start[cell] : sight.start[cell + 1]].tolist() == np.flatnonzero(seen).tolist()
+        )
 
 
 def test_cells_that_are_left_keep_their_images() -> None:
