@@ -48,6 +48,21 @@ def test_independent_noise_needs_no_factor() -> None:
     assert correlated_noise(alone, alone) is None
 
 
+@pytest.mark.parametrize("seconds", [None, 3.0])
+def test_images_of_two_heads_share_the_errors_of_their_reading(seconds: float | None) -> None:
+    """Each head has strips of its own; 5 s apart."""
+    alone = StochasticModel.from_sigma(np.ones((4, 3)))
+    process = alone if seconds is None else model([0, 1, 0, 1], [0.0, 0.0, 5.0, 5.0], seconds)
+    factor = correlated_noise(process, alone, np.array([0, 0, 2, 2]))
+    assert factor is not None
+    covariance = (factor @ factor.T).toarray().reshape(4, 6, 4, 6)
+    same = np.kron(np.eye(2), np.ones((2, 2)))
+    lasting = 0.0 if seconds is None else np.exp(-5.0 / seconds)
+    for component in range(6):
+        expected = same + (lasting if component < 3 else 0.0) * (1.0 - same)
+        np.testing.assert_allclose(covariance[:, component, :, component], expected, atol=1e-12)
+
+
 @pytest.fixture(scope="module")
 def flight() -> Flight:
     return fly(simulated())

@@ -87,14 +87,45 @@ def test_derivatives_by_the_observations_are_those_of_differences(noisy: Flight)
 
 
 def test_their_covariance_is_that_of_position_and_attitude(noisy: Flight) -> None:
-    orientations = noisy.orientations
-    n = orientations.images
+    """Whose components are correlated."""
+    n, random = noisy.orientations.images, np.random.default_rng(3)
     covariance = np.zeros((n, 6, 6))
-    covariance[:, :3, :3] = np.diag(noisy.gnss.stochastic.sigma[0] ** 2)
-    covariance[:, 3:, 3:] = np.diag(noisy.ins.stochastic.sigma[0] ** 2)
+    for part, sigma in ((slice(0, 3), 0.05), (slice(3, 6), 1e-4)):
+        root = sigma * random.normal(size=(n, 3, 3))
+        covariance[:, part, part] = root @ np.swapaxes(root, 1, 2)
+    every = np.ones((n, 3), dtype=bool)
+    position, attitude = (
+        StochasticModel.from_covariance(covariance[:, part, part], every)
+        for part in (slice(0, 3), slice(3, 6))
+    )
+    orientations = replace(
+        noisy,
+        gnss=replace(noisy.gnss, stochastic=position),
+        ins=replace(noisy.ins, stochastic=attitude),
+    ).orientations
     expected = orientations.of_observations @ covariance @ np.swapaxes(orientations.of_observations, 1, 2)
     found = orientations.of_noise @ np.swapaxes(orientations.of_noise, 1, 2)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-20)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-16)
+
+
+def test_every_image_has_the_calibration_of_its_camera(noisy: Flight) -> None:
+    """Every other one is of a second camera, mounted otherwise."""
+    camera = np.arange(noisy.orientations.images) % 2
+    second = noisy.with_system(BORESIGHT, np.array([3e-3, 2e-3, -1e-3]))
+    second = second.with_system(LEVER_ARM, np.array([0.2, -0.3, 0.1]))
+    both = {
+        family: np.concatenate([values, second.system[family]])
+        if family in (BORESIGHT, LEVER_ARM)
+        else values
+        for family, values in noisy.system.items()
+    }
+    found = direct_orientations(
+        replace(noisy.gnss, camera=camera), replace(noisy.ins, camera=camera), both
+    ).state
+    for number, flight in enumerate((noisy, second)):
+        own, alone = camera == number, flight.orientations.state
+        for name in ("projection_centre", "local_from_camera"):
+            np.testing.assert_allclose(getattr(found, name)[own], getattr(alone, name)[own], atol=1e-9)
 
 
 def test_an_image_without_attitude_is_refused(noisy: Flight) -> None:

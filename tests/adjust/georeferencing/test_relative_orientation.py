@@ -63,22 +63,48 @@ def test_mismatched_points_are_found_and_nothing_else(flight: Flight) -> None:
     assert not np.any(relative.is_gross_error & ~hit)
 
 
-def test_models_with_few_points_are_not_tested(flight: Flight) -> None:
-    found = parallaxes_of(flight)
-    few = np.flatnonzero(found.common.model == 0)[:7]
-    kept = replace(
+def only(found: YParallaxes, rows: Ints) -> YParallaxes:
+    """Some of the parallaxes."""
+    common = found.common
+    return replace(
         found,
-        common=replace(
-            found.common,
-            model=found.common.model[few],
-            left=found.common.left[few],
-            right=found.common.right[few],
-        ),
-        parallax=found.parallax[few],
-        by_image_points=found.by_image_points[few],
-        sensitivity=found.sensitivity.only(few),
-        of_relative_orientation=found.of_relative_orientation[few],
+        common=replace(common, model=common.model[rows], left=common.left[rows], right=common.right[rows]),
+        parallax=found.parallax[rows],
+        by_image_points=found.by_image_points[rows],
+        sensitivity=found.sensitivity.only(rows),
+        of_relative_orientation=found.of_relative_orientation[rows],
     )
-    relative = relative_orientation(kept, CRITICAL)
-    assert np.isnan(relative.residual).all()
+
+
+@pytest.mark.parametrize(("points", "tested"), [(7, False), (8, True)])
+def test_models_with_few_points_are_not_tested(flight: Flight, points: int, *, tested: bool) -> None:
+    found = parallaxes_of(flight)
+    relative = relative_orientation(only(found, np.flatnonzero(found.common.model == 0)[:points]), CRITICAL)
+    assert np.isfinite(relative.residual).tolist() == [tested] * points
     assert not relative.is_gross_error.any()
+
+
+def test_residuals_are_those_of_least_squares_in_each_model(flight: Flight) -> None:
+    found, relative = screened(flight)
+    for model in np.unique(found.common.model):
+        own = found.common.model == model
+        if np.isnan(relative.residual[own]).any():
+            continue
+        weight = 1.0 / np.sqrt(found.by_image_points[own])
+        design = weight[:, None] * found.of_relative_orientation[own]
+        solution = np.linalg.lstsq(design, weight * found.parallax[own])[0]
+        expected = found.parallax[own] - found.of_relative_orientation[own] @ solution
+        np.testing.assert_allclose(relative.residual[own], expected, atol=1e-11)
+
+
+@pytest.mark.parametrize(("factor", "scale"), [(0.4, 2.5), (2.0, 1.0)])
+def test_what_all_residuals_exceed_their_sigma_by_makes_none_a_gross_error(
+    flight: Flight, factor: float, scale: float
+) -> None:
+    """And σ that are too large hide none: the scale is 1 at least."""
+    found = parallaxes_of(flight)
+    relative = relative_orientation(
+        replace(found, by_image_points=factor**2 * found.by_image_points), CRITICAL
+    )
+    assert not relative.is_gross_error.any()
+    assert relative.scale == pytest.approx(scale, rel=0.15 if factor < 1.0 else 0.0)
