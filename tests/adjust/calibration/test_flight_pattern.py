@@ -35,6 +35,20 @@ def test_the_uce_pattern_has_four_directions_and_two_heights() -> None:
     np.testing.assert_array_equal(pattern.strips, 3)
 
 
+def test_a_direction_is_the_median_of_its_strips_whatever_one_of_them_does() -> None:
+    heading = np.deg2rad([10.0, 11.0, 9.0, 10.0, 35.0])
+    pattern = flight_pattern(heading, np.full(5, 1000.0), np.arange(5))
+    assert np.rad2deg(pattern.directions).tolist() == pytest.approx([10.0])
+
+
+def test_directions_that_lie_close_together_all_round_are_cut_at_their_widest_gaps() -> None:
+    """Seen across north: 350° to 80° in steps of 20° at most, but one of 25°."""
+    heading = np.deg2rad([350.0, 0.0, 10.0, 30.0, 55.0, 60.0, 65.0, 80.0])
+    pattern = flight_pattern(heading, np.full(8, 1000.0), np.arange(8))
+    assert np.rad2deg(pattern.directions).tolist() == pytest.approx([5.0, 62.5])
+    assert pattern.images.ravel().tolist() == [4, 4]
+
+
 @pytest.mark.parametrize(
     ("headings", "directions", "opposite", "crossing"),
     [

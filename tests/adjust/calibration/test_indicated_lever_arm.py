@@ -26,6 +26,7 @@ from adjust.parameters import (
 from adjust.simulate.block import SimulatedBlock, simulate_block
 from adjust.simulate.system import SystemSpecification
 from adjust.solve.system import Observations
+from tests.adjust.scenes import two_strips
 from tests.adjust.simulate.specifications import small_specification
 
 TRUE = np.array([0.61, -0.34, -1.20])
@@ -55,7 +56,8 @@ def with_small_shift(observations: Observations) -> Observations:
 
 
 @pytest.mark.parametrize(
-    ("sign", "stated", "within"), [(-1.0, 1.0, 0.02), (1.0, 1.0, 0.02), (1.0, 0.5, 0.002)]
+    ("sign", "stated", "within"),
+    [(-1.0, 1.0, 0.02), (1.0, 1.0, 0.02), (1.0, 0.5, 0.002), (1.0, 2.0, 0.02)],
 )
 def test_it_is_that_of_an_adjustment_with_lever_arm_and_small_shift_free(
     simulated: SimulatedBlock, sign: float, stated: float, within: float
@@ -96,6 +98,9 @@ def test_positions_rejected_by_the_dozen_are_heard_and_a_single_one_is_not(
     assert positions.rejected > 0.5 * len(positions.status)
     found = indicated_lever_arms(block, result)
     assert found is not None
+    every = indicated_lever_arms(block, adjust_block(block, observations))
+    assert every is not None
+    np.testing.assert_allclose(found.sigma, every.sigma, rtol=0.15)
     assert (np.abs(found.value[0] - TRUE) < 4.0 * found.sigma[0]).all()
 
     others = list(observations.others)
@@ -109,6 +114,61 @@ def test_positions_rejected_by_the_dozen_are_heard_and_a_single_one_is_not(
     found = indicated_lever_arms(right, result)
     assert found is not None
     assert (np.abs(found.value[0] - TRUE) < 4.0 * found.sigma[0]).all()
+
+
+def test_a_shift_far_beyond_what_is_assumed_of_it_makes_sigma_larger() -> None:
+    """A shift of 3 m, of which nobody has spoken, is fifteen times as large as what is thought possible."""
+    system = SystemSpecification(lever_arm=tuple(TRUE), gnss_shift=(3.0, -2.0, 1.0))
+    flown = simulate_block(small_specification(system=system))
+    held = with_given(flown.block((BORESIGHT,)), TRUE)
+    held = replace(
+        held,
+        system=tuple(
+            replace(item, values=np.zeros_like(item.values)) if item.family.name == GNSS_SHIFT else item
+            for item in held.system
+        ),
+    )
+    observations = flown.observations(held)
+    found = indicated_lever_arms(held, adjust_block(held, observations))
+    assert found is not None
+    free = with_given(flown.block((BORESIGHT, LEVER_ARM, GNSS_SHIFT)), TRUE)
+    right = adjust_block(free, with_small_shift(observations))
+    columns = right.layout.columns[LEVER_ARM][0]
+    sigma0 = right.test.sigma0
+    assert sigma0 > 1.1
+    sigma = sigma0 * np.sqrt(np.diagonal(right.cofactor.reduced.corner)[columns])
+    np.testing.assert_allclose(found.sigma[0], sigma, rtol=0.02)
+
+
+def test_what_was_known_of_lever_arm_and_shift_has_no_say(simulated: SimulatedBlock) -> None:
+    """A lever arm of the wrong sign that was observed to 5 cm, and a shift observed to 1 cm."""
+    held = with_given(simulated.block((BORESIGHT,)), TRUE)
+    observations = simulated.observations(held)
+    expected = indicated_lever_arms(held, adjust_block(held, observations))
+    free = with_given(simulated.block((BORESIGHT, LEVER_ARM, GNSS_SHIFT)), -TRUE)
+    none = np.zeros(1, dtype=np.int64)
+    priors = tuple(
+        DirectObservations(FAMILIES[family], none, value[None], StochasticModel.from_sigma(sigma))
+        for family, value, sigma in (
+            (LEVER_ARM, -TRUE, np.full((1, 3), 0.05)),
+            (GNSS_SHIFT, np.zeros(3), np.full((1, 3), 0.01)),
+        )
+    )
+    result = adjust_block(free, replace(observations, others=(*observations.others, *priors)))
+    found = indicated_lever_arms(free, result, shift_is_small=True)
+    assert expected is not None
+    assert found is not None
+    np.testing.assert_allclose(found.sigma, expected.sigma, rtol=0.1)
+    assert (np.abs(found.value[0] - TRUE) < 4.0 * found.sigma[0]).all()
+
+
+def test_what_the_flight_does_not_tell_keeps_its_value_with_a_sigma_of_a_hundred_metres() -> None:
+    """All in one direction, a free shift is a lever arm."""
+    scene = two_strips(headings_deg=(90.0, 90.0), tilt_deg=0.0, free={GNSS_SHIFT: True}, noise_seed=3)
+    found = indicated_lever_arms(scene.block, adjust_block(scene.block, scene.observations))
+    assert found is not None
+    assert (found.sigma[0] > 2.0).all()
+    assert (found.sigma[0] < 300.0).all()
 
 
 def test_without_positions_nothing_is_said(simulated: SimulatedBlock) -> None:

@@ -80,6 +80,31 @@ def test_the_virtual_image_is_mended_by_the_calibration() -> None:
     assert np.sqrt(np.mean(after**2)) < 0.3e-6
 
 
+def test_of_few_ties_sigma0_is_that_of_the_redundancy() -> None:
+    """Twelve ties leave 15 of 24 degrees of freedom: its square is 1 in the mean, not 15/24."""
+    given = dmc_heads()
+    squares = []
+    for seed in range(40):
+        ties = ties_of(given, 202, 1000.0, 1.2e-6, seed)
+        pairs = np.unique(ties.head, axis=0)
+        rows = np.concatenate([np.flatnonzero((ties.head == pair).all(axis=1))[:3] for pair in pairs[:4]])
+        found = calibrate_platform(given, ties.only(rows))
+        squares.append(found.sigma0**2)
+    assert found.redundancy == 2 * len(rows) - 9
+    # χ² with so many degrees of freedom: 1 ± 4 √(2/r)/√40.
+    assert abs(np.mean(squares) - 1.0) < 4.0 * np.sqrt(2.0 / found.redundancy / 40)
+
+
+def test_one_point_in_common_joins_no_heads() -> None:
+    given = dmc_heads()
+    ties = ties_of(given, 202, 1000.0, 1.2e-6, 5)
+    pairs = np.unique(ties.head, axis=0)
+    rows = [int(np.flatnonzero((ties.head == pair).all(axis=1))[0]) for pair in pairs]
+    assert 2 * len(rows) >= 8
+    with pytest.raises(InconsistentBlockError, match="each needs at least two points"):
+        calibrate_platform(given, ties.only(np.array(rows)))
+
+
 def test_a_head_without_overlaps_is_refused() -> None:
     given = dmc_heads()
     ties = ties_of(given, 202, 1000.0, 1.2e-6, 5)

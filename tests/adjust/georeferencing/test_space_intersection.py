@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from adjust.arrays import Floats
+from adjust.geometry import rotation
 from adjust.georeferencing.error_sources import CalibrationErrors, ErrorSources
 from adjust.georeferencing.space_intersection import PointErrors, point_errors, rays_of
-from adjust.parameters import ADDITIONAL_PARAMETERS, GNSS_SHIFT
+from adjust.parameters import ADDITIONAL_PARAMETERS, GNSS_SHIFT, OBJECT_POINT
 from adjust.simulate.block import SimulatedBlock
 from tests.adjust.georeferencing.flights import CALIBRATED, Flight, calibration_errors, fly, simulated
 from tests.adjust.simulate.specifications import on_the_earth, small_specification, without_noise
@@ -77,6 +78,28 @@ def test_measured_points_with_a_distortion_lead_to_the_true_points(distorted: Fl
     assert np.abs(distorted.intersected() - true).max() < 0.02
     plain = replace(distorted.rays, self_calibration=None)
     assert np.abs(replace(distorted, rays=plain).intersected() - true).max() > 1.0
+
+
+def test_the_part_of_the_image_coordinates_is_that_of_their_weights(flight: Flight) -> None:
+    """(Aᵀ P A)⁻¹ of coordinates of unlike σ, along other axes."""
+    rays, points = flight.rays, flight.intersected()
+    rays = replace(rays, sigma=np.random.default_rng(4).uniform(1e-6, 4e-6, rays.sigma.shape))
+    axes = rotation.exp(np.random.default_rng(5).normal(size=(len(points), 3)))
+    found = point_errors(rays, flight.sources(), points, axes).by_image_points
+    equations = rays.linearize(replace(flight.orientations.state, object_point=points))
+    jacobian = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)
+    for point in range(0, len(points), 7):
+        own = np.flatnonzero(rays.point == point)
+        matrix = (jacobian[own] / rays.sigma[own][:, :, None]).reshape(-1, 3) @ axes[point]
+        np.testing.assert_allclose(found[point], np.linalg.inv(matrix.T @ matrix), rtol=1e-9)
+
+
+def test_rays_that_are_given_to_other_points_keep_their_corrections(flight: Flight) -> None:
+    offset = np.random.default_rng(4).normal(0.0, 1e-6, flight.rays.xy.shape)
+    index = np.array([3, 9, 4])
+    some = rays_of(replace(flight.rays, offset=offset), index, np.array([0, 0, 1]))
+    np.testing.assert_array_equal(some.offset, offset[index])
+    np.testing.assert_array_equal(some.xy, flight.rays.xy[index])
 
 
 def test_sensitivities_to_gnss_and_ins_are_those_of_differences(flight: Flight) -> None:

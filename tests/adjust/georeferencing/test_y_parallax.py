@@ -129,6 +129,58 @@ def test_sensitivities_to_an_orientation_are_those_of_differences(exact: Flight)
     assert np.abs(after.parallax - predicted).max() < 1e-3 * np.abs(predicted).max()
 
 
+def test_the_part_of_the_image_coordinates_is_that_of_differences() -> None:
+    """With a distortion, and coordinates of unlike σ."""
+    flight = fly(simulated(), with_additional=True, distorted=True)
+    sigma = np.random.default_rng(4).uniform(1e-6, 4e-6, flight.rays.sigma.shape)
+    rays = replace(flight.rays, sigma=sigma)
+    every = common_points(rays, models_of(flight))
+    rows = np.arange(0, len(every.model), len(every.model) // 8)
+    common = CommonPoints(every.model[rows], every.left[rows], every.right[rows])
+    found, expected = y_parallaxes(rays, flight.sources(), common), np.zeros(len(rows))
+    for side in (common.left, common.right):
+        for component in range(2):
+            ends = []
+            for step in (1e-6, -1e-6):
+                xy = rays.xy.copy()
+                xy[side, component] += step
+                ends.append(y_parallaxes(replace(rays, xy=xy), flight.sources(), common).parallax)
+            expected += ((ends[0] - ends[1]) / 2e-6 * sigma[side, component]) ** 2
+    np.testing.assert_allclose(found.by_image_points, expected, rtol=1e-3)
+    both = found.by_image_points + found.sensitivity.variance()
+    np.testing.assert_allclose(found.variance(), both, rtol=1e-12)
+
+
+def test_elements_of_the_relative_orientation_move_the_right_image(exact: Flight) -> None:
+    """Its centre across the base, in parts of that, and its rotation; against differences."""
+    every = common_points(exact.rays, models_of(exact))
+    rows = np.flatnonzero(every.model == every.model[0])
+    common = CommonPoints(every.model[rows], every.left[rows], every.right[rows])
+    sources, state = exact.sources(), exact.orientations.state
+    left, right = exact.rays.image[common.left[0]], exact.rays.image[common.right[0]]
+    base = state.projection_centre[right] - state.projection_centre[left]
+    x = base / np.linalg.norm(base)
+    y = np.cross(state.local_from_camera[left][:, 2] + state.local_from_camera[right][:, 2], x)
+    y /= np.linalg.norm(y)
+    across = np.linalg.norm(base) * np.array([y, np.cross(x, y)])
+    found = y_parallaxes(exact.rays, sources, common).of_relative_orientation
+    for element in range(5):
+        ends = []
+        for step in (1e-5, -1e-5):
+            centre, turned = state.projection_centre.copy(), state.local_from_camera.copy()
+            if element < 2:
+                centre[right] += step * across[element]
+            else:
+                turned[right] = turned[right] @ rotation.exp(step * np.eye(3)[element - 2])
+            moved = replace(state, projection_centre=centre, local_from_camera=turned)
+            orientations = replace(sources.orientations, state=moved)
+            ends.append(
+                y_parallaxes(exact.rays, replace(sources, orientations=orientations), common).parallax
+            )
+        numeric = (ends[0] - ends[1]) / 2e-5
+        np.testing.assert_allclose(found[:, element], numeric, atol=1e-4 * np.abs(numeric).max())
+
+
 def test_vertical_images_follow_the_normal_case() -> None:
     # σ² = 2 (σ_Y c/h)² + 2 (y σ_Z/h)² + 2 c² (1 + y²/c²)² σ_ω² + (x₁² + x₂²) (y²/c² σ_φ² + σ_κ²)
     flight = eagle_strip()
