@@ -110,9 +110,9 @@ def mean_rotation(rotations: Floats) -> Floats:
 def turned_about(axis: Floats, from_direction: Floats, to_direction: Floats) -> Floats:
     """Rotation (3, 3) about an axis (3,) that brings one direction (3,) as near to another as it can."""
     axis = axis / np.linalg.norm(axis)
-    one = from_direction - axis * (axis @ from_direction)
-    other = to_direction - axis * (axis @ to_direction)
-    angle = np.arctan2(axis @ np.cross(one, other), one @ other)
+    across = from_direction - axis * (axis @ from_direction)
+    # What the other one has along the axis counts in neither product.
+    angle = np.arctan2(axis @ np.cross(across, to_direction), across @ to_direction)
     return rotation.exp(angle * axis)
 
 

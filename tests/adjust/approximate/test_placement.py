@@ -60,6 +60,8 @@ def test_attitudes_turn_it_and_a_distance_gives_the_scale_about_a_single_point()
     points[7] = true.object_point[7]
     ends = np.array([[1, 2], [3, 4], [5, 6]])
     distance = np.linalg.norm(true.object_point[ends[:, 0]] - true.object_point[ends[:, 1]], axis=1)
+    # One of them is wrong.
+    distance[1] *= 10.0
     known = KnownPlaces(points, centres, true.local_from_camera, ends, distance)
     found = placement(moved(true), known)
     assert (found.places, found.scaled, found.turned) == (1, True, True)
@@ -73,3 +75,23 @@ def test_without_any_place_its_middle_is_the_origin_and_up_is_up() -> None:
     placed = found.of(moved(true))
     np.testing.assert_allclose(placed.object_point.mean(axis=0), 0.0, atol=1e-12)
     np.testing.assert_allclose(placed.local_from_camera[:, 2, 2], 1.0)
+
+
+def test_images_that_are_not_in_the_model_do_not_say_where_up_is() -> None:
+    true = flown(0.0)
+    model = moved(true)
+    model.oriented[3:], model.local_from_camera[3:] = False, rotation.exp(np.array([2.0, 1.0, 0.0]))
+    placed = placement(model, KnownPlaces(*nothing())).of(model)
+    np.testing.assert_allclose(placed.local_from_camera[:3, 2, 2], 1.0)
+
+
+def test_positions_on_a_line_do_not_turn_a_model_about_it_if_one_of_them_is_inaccurate() -> None:
+    """The third one is 100 m off to the side: in the model all are on one line."""
+    true = flown(0.0)
+    points, centres, rotations = nothing()
+    centres[[0, 2, 4]] = true.projection_centre[[0, 2, 4]]
+    centres[2, 2] += 100.0
+    found = placement(moved(true), KnownPlaces(points, centres, rotations))
+    assert (found.places, found.scaled, found.turned) == (3, True, False)
+    up = found.of(moved(true)).local_from_camera[:, 2, 2]
+    assert np.all(up > np.cos(0.2))

@@ -69,6 +69,16 @@ def test_a_third_of_the_points_may_be_wrong() -> None:
     np.testing.assert_array_equal(agreeing, np.arange(30) % 3 > 0)
 
 
+@pytest.mark.parametrize(("count", "judged"), [(5, False), (6, True)])
+def test_of_six_points_a_wrong_one_is_told(count: int, *, judged: bool) -> None:
+    source = np.random.default_rng(GENERATOR_SEED).normal(size=(count, 3))
+    target = movement().points(source)
+    target[2] += 50.0
+    found, agreeing = robustly_fitted(source, target)
+    assert agreeing.tolist() == [not judged or k != 2 for k in range(count)]
+    assert (found.scale == pytest.approx(2.5)) is judged
+
+
 def test_points_on_a_line_are_recognised() -> None:
     along = np.linspace(0.0, 1.0, 9)[:, None] * np.array([3.0, 1.0, 0.2])
     assert on_a_line(along)

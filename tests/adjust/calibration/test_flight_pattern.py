@@ -41,6 +41,24 @@ def test_a_direction_is_the_median_of_its_strips_whatever_one_of_them_does() -> 
     assert np.rad2deg(pattern.directions).tolist() == pytest.approx([10.0])
 
 
+def test_exposures_are_counted_by_directions_and_heights_in_ascending_order() -> None:
+    """Flown from the last direction and the highest level; a height is the median of its strips."""
+    strips = [
+        (270.0, 2100.0, 5),
+        (270.0, 2000.0, 4),
+        (90.0, 2010.0, 3),
+        (90.0, 1000.0, 2),
+        (270.0, 1005.0, 1),
+    ]
+    heading, height = (np.concatenate([np.full(strip[2], strip[k]) for strip in strips]) for k in (0, 1))
+    number = np.repeat(np.arange(5), [strip[2] for strip in strips])
+    pattern = flight_pattern(np.deg2rad(heading), height, number)
+    assert np.rad2deg(pattern.directions).tolist() == pytest.approx([90.0, 270.0])
+    assert pattern.heights.tolist() == [1002.5, 2010.0]
+    assert pattern.images.tolist() == [[2, 3], [1, 9]]
+    assert pattern.strips.tolist() == [[1, 1], [1, 2]]
+
+
 def test_directions_that_lie_close_together_all_round_are_cut_at_their_widest_gaps() -> None:
     """Seen across north: 350° to 80° in steps of 20° at most, but one of 25°."""
     heading = np.deg2rad([350.0, 0.0, 10.0, 30.0, 55.0, 60.0, 65.0, 80.0])
