@@ -145,7 +145,7 @@ def _solutions(
     )
     if np.sum(info["inliers"]) >= _PLANE * agreeing:
         scale = np.diag([1.0, 1.0, focal[1]])
-        poses, _ = poselib.motion_from_homography(np.linalg.inv(scale) @ homography @ scale)
+        poses, _ = poselib.motion_from_homography(scale @ homography @ np.linalg.inv(scale))
         result += [(pose.R, pose.t) for pose in poses if np.linalg.norm(pose.t) > 1e-9]
     return result, limit
 

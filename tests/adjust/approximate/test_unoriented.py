@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,22 @@ def test_one_of_the_relative_orientations_of_two_images_is_the_true_one(relief: 
         for item in models
     ]
     assert min(off) < 1e-5
+    if relief == 0.0:
+        # A plane has two, which its homography gives besides the one that was found first.
+        assert min(off[1:]) < 1e-5
+        assert max(off) > 0.1
+
+
+def test_pairs_with_most_common_points_come_first_and_those_of_one_place_last() -> None:
+    truth = scene(4, 60, 0.5)
+    centre, turn = truth.projection_centre.copy(), truth.local_from_camera.copy()
+    centre[3], turn[3] = centre[0], turn[0] @ rotation.exp(np.array([0.0, 0.0, 0.2]))
+    seen = np.zeros((4, 60), dtype=bool)
+    seen[[0, 3], :], seen[1, :40], seen[2, 30:60] = True, True, True
+    measured = measured_images(replace(truth, projection_centre=centre, local_from_camera=turn), seen)
+    pairs = pairs_by_common_points(measured, *np.ones((2, 4), dtype=bool)).tolist()
+    # 40, 40, 30, 30 and 10 points; 60 of the two at one place.
+    assert pairs == [[0, 1], [1, 3], [0, 2], [2, 3], [1, 2], [0, 3]]
 
 
 def test_a_resection_leaves_out_what_is_wrong() -> None:
