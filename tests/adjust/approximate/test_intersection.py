@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adjust.approximate import intersection_kernel
 from adjust.approximate.intersection import IntersectionStatus, intersect
 from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
-from adjust.parameters import INTERIOR_ORIENTATION, State
+from adjust.parameters import INTERIOR_ORIENTATION, OBJECT_POINT, State
 from adjust.solve.covisibility import point_starts
 from adjust.solve.lanes import lanes
 from tests.adjust.scenes import two_strips
@@ -137,3 +138,37 @@ def test_the_principal_point_and_tilts_are_taken_into_account() -> None:
         xy.append([2e-4 - C * p[0] / p[2], -1e-4 - C * p[1] / p[2]])
     found = intersect(rays(xy, [0, 1], [0, 0]), state, 1)
     np.testing.assert_allclose(found.object_point[0], true, atol=1e-9)
+
+
+@pytest.mark.parametrize("forward", [False, True])
+def test_no_point_nearby_fits_rays_of_unlike_weight_better(forward: bool) -> None:
+    """Aᵀ P v is zero, although the point nearest to all rays, where it begins, is another one."""
+    scene = two_strips(cameras=2, flights=2, additional=forward, forward=forward, noise_seed=4)
+    given, random = scene.observations.image_points, np.random.default_rng(5)
+    sigma = 1e-6 * random.uniform(1.0, 20.0, given.sigma.shape)
+    given = replace(given, sigma=sigma, xy=given.xy + 20.0 * random.normal(size=sigma.shape) * sigma)
+    found = intersect(given, scene.truth, len(scene.block.points))
+    assert found.usable.all()
+    equations = given.linearize(replace(scene.truth, object_point=found.object_point))
+    jacobian = next(term.jacobian for term in equations.terms if term.block == OBJECT_POINT)
+    for point in range(len(scene.block.points)):
+        own = given.point == point
+        matrix = (jacobian[own] / sigma[own][:, :, None]).reshape(-1, 3)
+        misclosure = (equations.misclosure[own] / sigma[own]).ravel()
+        assert np.abs(np.linalg.lstsq(matrix, misclosure)[0]).max() < 1e-6
+
+
+def test_rays_that_meet_under_a_tenth_of_a_degree_make_a_point() -> None:
+    base = 1000.0 * np.deg2rad(0.1)
+    x = 0.5 * base * C / 1000.0
+    found = intersect(rays([[x, 0.0], [-x, 0.0]], [0, 1], [0, 0]), two_cameras(base), 1)
+    assert found.status.tolist() == [IntersectionStatus.INTERSECTED]
+    np.testing.assert_allclose(found.object_point, [[0.0, 0.0, 0.0]], atol=1e-6)
+
+
+def test_factors_are_solved_forwards_and_backwards() -> None:
+    lower = np.array([[2.0, 0.0, 0.0], [0.5, 1.5, 0.0], [-0.7, 0.4, 1.2]])
+    right = np.array([1.0, -2.0, 3.0])
+    expected = np.linalg.solve(lower @ lower.T, right)
+    intersection_kernel.solve_factorized(lower, right)
+    np.testing.assert_allclose(right, expected, rtol=1e-12)

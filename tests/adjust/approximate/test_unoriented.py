@@ -98,6 +98,31 @@ def test_pairs_with_most_common_points_come_first_and_those_of_one_place_last() 
     assert pairs == [[0, 1], [1, 3], [0, 2], [2, 3], [1, 2], [0, 3]]
 
 
+def test_image_points_in_pixels_are_those_of_the_camera_of_each_image() -> None:
+    """Counted from its principal point, down; what is behind a camera is off by any amount."""
+    truth = scene(2, 12, 0.5)
+    other = FrameCamera("other", 3000, 2000, 8e-6, 0.035, (-2e-5, 1e-5), "corner", 0)
+    given = measured_images(truth)
+    measured = MeasuredImages(
+        replace(given.rays, camera_of_image=np.array([1, 0])), (LENS, other), given.points
+    )
+    assert [measured.focal_px(0), measured.focal_px(1)] == pytest.approx([0.035 / 8e-6, 0.024 / 4e-6])
+    of_first = given.rays.image == 0
+    xy = given.rays.xy[of_first] - np.array(other.principal_point)
+    np.testing.assert_allclose(measured.pixel[of_first], xy / 8e-6 * [1.0, -1.0], rtol=1e-12)
+    behind = truth.projection_centre + 2.0 * (truth.projection_centre - truth.target.mean(axis=0))
+    points = np.broadcast_to(behind[0], truth.target.shape)
+    state = measured.state(truth.projection_centre, truth.local_from_camera, points)
+    assert np.isinf(measured.residual_px(state)[of_first]).all()
+
+
+def test_rejected_image_points_join_no_pair() -> None:
+    measured = measured_images(scene(2, 20, 0.5))
+    rejected = measured.rays.without(measured.rays.point >= 5)
+    few = MeasuredImages(rejected, measured.cameras, measured.points)
+    assert pairs_by_common_points(few, *np.ones((2, 2), dtype=bool)).shape == (0, 2)
+
+
 def test_a_resection_leaves_out_what_is_wrong() -> None:
     truth = scene(1, 60, 0.3)
     measured = measured_images(truth, sigma_px=0.3, wrong=0.3)

@@ -22,8 +22,9 @@ from adjust.parameters import (
     LEVER_ARM,
     TIME_OFFSET,
 )
+from adjust.planning import a_priori
 from adjust.planning.a_priori import APriori, CalibrationModel, a_priori_covariance
-from adjust.planning.network import PlannedDistances, PlannedNetwork
+from adjust.planning.network import PlannedDistances, PlannedNetwork, PlannedRays
 from adjust.planning.simulated_network import simulated_network
 from adjust.rig import RELATIVE_ROTATION, SYNCHRONISATION_OFFSET
 from adjust.simulate.block import simulate_block
@@ -34,6 +35,8 @@ from adjust.simulate.survey import SurveyLayout
 from adjust.simulate.system import SystemSpecification
 from adjust.simulate.trajectory import FlightVariation
 from adjust.simulate.truth import BlockSpecification
+from adjust.solve.normal_equations import weighted_squares
+from adjust.solve.system import System
 from tests.adjust.rig_flights import dmc, penta
 from tests.adjust.simulate.specifications import HEIGHT, small_specification, without_noise
 
@@ -267,3 +270,55 @@ def test_the_time_offset_of_known_attitudes_is_a_weighted_mean_over_their_rates(
     information = np.einsum("ni,nij,nj->", exposures.rate, weight, exposures.rate)
     information += np.sum((velocity / exposures.position_sigma) ** 2)
     assert found["time_offset"] == pytest.approx(1.0 / np.sqrt(information), rel=2e-3)
+
+
+def test_planned_observations_contradict_nothing() -> None:
+    """Positions of the antenna, attitudes and image points of a lever arm and a boresight that are not zero."""
+    system = SystemSpecification(
+        boresight=(2e-3, -1e-3, 4e-3), lever_arm=(0.4, -0.2, -1.1), interior_change=(-8e-6, 4e-6, -6e-6)
+    )
+    network = simulated_network(specification(system=system))
+    model = CalibrationModel(SET_A, {})
+    block = a_priori._block(network, model)
+    system_of = System.of(block, a_priori._observations(network, block, model))
+    assert weighted_squares(system_of, block.approximate_state()) < 1e-6
+    found = a_priori_covariance(network, model)
+    of_camera = dict(zip([name for name, _, _ in found.names], found.value, strict=True))
+    values = {item.family.name: item for item in block.system}[BORESIGHT]
+    for component, value in zip(values.family.components, values.values[0], strict=True):
+        assert of_camera[component] == pytest.approx(value)
+
+
+def test_what_a_parameter_has_for_itself_is_its_variance_alone_over_that_with_all_others() -> None:
+    random = np.random.default_rng(4)
+    root = random.normal(size=(4, 4))
+    found = APriori((("a", "", "m"),) * 4, np.zeros(4), root @ root.T, np.full(4, np.nan))
+    alone = 1.0 / np.diagonal(np.linalg.inv(found.cofactor))
+    np.testing.assert_allclose(found.own_part, alone / np.diagonal(found.cofactor), rtol=1e-9)
+
+
+def test_drifts_count_from_the_middle_of_the_time_of_a_strip() -> None:
+    since = a_priori._since_middle(np.array([0.0, 1.0, 10.0, 40.0, 42.0]), np.array([0, 0, 0, 1, 1]))
+    assert since.tolist() == [-5.0, -4.0, 5.0, -1.0, 1.0]
+
+
+def test_an_exposure_that_sees_no_point_is_above_the_mean_ground() -> None:
+    network = simulated_network(specification())
+    rays = network.rays
+    kept = rays.image != 3
+    left = PlannedRays(rays.image[kept], rays.point[kept], rays.sigma[kept])
+    alone = replace(network, rays=left)
+    assert alone.ground[3] == pytest.approx(network.frame.height(network.object_point).mean())
+    np.testing.assert_array_equal(np.delete(alone.ground, 3), np.delete(network.ground, 3))
+
+
+def test_of_points_without_an_angle_only_surveyed_ones_keep_their_rays() -> None:
+    network = simulated_network(specification())
+    control = network.control
+    full = control.present.all(axis=1)
+    present = control.present.copy()
+    present[np.flatnonzero(full)[0]] = [False, False, True]
+    network = replace(network, control=replace(control, present=present))
+    kept = network.with_intersecting_rays(np.deg2rad(89.0)).rays
+    surveyed = control.point[present.all(axis=1)]
+    assert set(kept.point.tolist()) == set(np.intersect1d(surveyed, network.rays.point).tolist())

@@ -13,6 +13,7 @@ from adjust.parameters import BORESIGHT, GNSS_SHIFT, GNSS_STRIP_BIAS, INTERIOR_O
 from adjust.planning.a_priori import CalibrationModel, a_priori_covariance
 from adjust.planning.additions import Addition, additions
 from adjust.planning.extension import AddedStrip, extended
+from adjust.planning.flown_lines import FlownLine, without_return
 from adjust.planning.network import PlannedNetwork
 from adjust.planning.simulated_network import simulated_network
 from adjust.rig import RELATIVE_ROTATION
@@ -253,3 +254,44 @@ def test_added_strips_are_taken_with_the_camera_of_their_flight() -> None:
     added = slice(len(network.exposures), None)
     assert set(wider.exposures.flight[added]) == {0}
     assert set(wider.exposures.camera[added]) == {0}
+
+
+def test_added_exposures_are_as_good_as_those_of_the_larger_flight_and_flown_at_a_usual_speed() -> None:
+    network = lines("single")
+    exposures, control = network.exposures, network.control
+    count = len(exposures)
+    sigma = np.where(np.arange(count)[:, None] % 2 == 0, 0.05, 0.15) * np.ones(3)
+    flight = np.where(np.arange(count) < 10, 0, 1)
+    covariance, present = control.covariance.copy(), control.present.copy()
+    covariance[0], present[0] = np.eye(3), [False, False, True]
+    network = replace(
+        network,
+        flights=("1", "2"),
+        exposures=replace(exposures, position_sigma=sigma, flight=flight),
+        control=replace(control, covariance=covariance, present=present),
+    )
+    plan = np.array([[0.0, 0.0], [150.0, 0.0], [450.0, 0.0]])
+    wider = extended(network, (AddedStrip(plan, 0.5 * np.pi, 900.0),), control=2)
+    added = wider.exposures
+    assert added.flight[-3:].tolist() == [1, 1, 1]
+    np.testing.assert_allclose(added.position_sigma[-3:], np.sqrt(0.5 * (0.05**2 + 0.15**2)))
+    np.testing.assert_allclose(np.diff(added.time[-3:]), [2.0, 4.0])
+    np.testing.assert_allclose(added.velocity[-1], [75.0, 0.0, 0.0], atol=0.1)
+    np.testing.assert_allclose(
+        wider.control.covariance[-2:], np.tile(control.covariance[1:].mean(axis=0), (2, 1, 1))
+    )
+    assert wider.control.present[-2:].all()
+
+
+def test_the_base_of_a_line_is_the_distance_of_most_of_its_exposures() -> None:
+    plan = np.array([[0.0, 0.0], [100.0, 0.0], [200.0, 0.0], [300.0, 0.0], [900.0, 0.0]])
+    assert FlownLine(0, np.arange(5), 0.5 * np.pi, 1000.0, plan).base == 100.0
+
+
+@pytest.mark.parametrize(("turn_deg", "back"), [(0.0, True), (14.0, True), (16.0, False), (80.0, False)])
+def test_a_line_is_flown_back_by_one_of_nearly_the_opposite_direction(turn_deg: float, *, back: bool) -> None:
+    plan = np.column_stack([np.linspace(-500.0, 500.0, 6), np.zeros(6)])
+    line = FlownLine(0, np.arange(6), 0.5 * np.pi, 1000.0, plan)
+    heading = 1.5 * np.pi + np.deg2rad(turn_deg)
+    other = FlownLine(1, np.arange(6), heading, 1000.0, plan[::-1])
+    assert without_return((line, other)) == (() if back else (line, other))
