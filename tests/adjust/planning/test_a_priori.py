@@ -273,7 +273,7 @@ def test_the_time_offset_of_known_attitudes_is_a_weighted_mean_over_their_rates(
 
 
 def test_planned_observations_contradict_nothing() -> None:
-    """Of a lever arm and a boresight that are not zero, and another interior orientation than the given one."""
+    """Of a lever arm and a boresight that are not zero, and another interior orientation than given."""
     system = SystemSpecification(
         boresight=(2e-3, -1e-3, 4e-3), lever_arm=(0.4, -0.2, -1.1), interior_change=(-8e-6, 4e-6, -6e-6)
     )
