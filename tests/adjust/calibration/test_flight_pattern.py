@@ -57,6 +57,10 @@ def test_exposures_are_counted_by_directions_and_heights_in_ascending_order() ->
     assert pattern.heights.tolist() == [1002.5, 2010.0]
     assert pattern.images.tolist() == [[2, 3], [1, 9]]
     assert pattern.strips.tolist() == [[1, 1], [1, 2]]
+    # One direction on both sides of north is the last one.
+    across = flight_pattern(np.deg2rad([352.0, 4.0, 90.0, 90.0, 90.0]), np.full(5, 1000.0), np.arange(5))
+    assert np.rad2deg(across.directions).tolist() == pytest.approx([90.0, 358.0])
+    assert across.images.tolist() == [[3], [2]]
 
 
 def test_directions_that_lie_close_together_all_round_are_cut_at_their_widest_gaps() -> None:

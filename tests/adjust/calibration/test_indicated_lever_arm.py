@@ -116,11 +116,12 @@ def test_positions_rejected_by_the_dozen_are_heard_and_a_single_one_is_not(
     assert (np.abs(found.value[0] - TRUE) < 4.0 * found.sigma[0]).all()
 
 
-def test_a_shift_far_beyond_what_is_assumed_of_it_makes_sigma_larger() -> None:
-    """A shift of 3 m, of which nobody has spoken, is fifteen times as large as what is thought possible."""
+@pytest.mark.parametrize("observed", [False, True])
+def test_a_shift_far_beyond_what_is_assumed_of_it_makes_sigma_larger(*, observed: bool) -> None:
+    """A shift of 3 m is fifteen times as large as what is thought possible, or stated of one that is free."""
     system = SystemSpecification(lever_arm=tuple(TRUE), gnss_shift=(3.0, -2.0, 1.0))
     flown = simulate_block(small_specification(system=system))
-    held = with_given(flown.block((BORESIGHT,)), TRUE)
+    held = with_given(flown.block((BORESIGHT, GNSS_SHIFT) if observed else (BORESIGHT,)), TRUE)
     held = replace(
         held,
         system=tuple(
@@ -129,7 +130,8 @@ def test_a_shift_far_beyond_what_is_assumed_of_it_makes_sigma_larger() -> None:
         ),
     )
     observations = flown.observations(held)
-    found = indicated_lever_arms(held, adjust_block(held, observations))
+    given = with_small_shift(observations) if observed else observations
+    found = indicated_lever_arms(held, adjust_block(held, given))
     assert found is not None
     free = with_given(flown.block((BORESIGHT, LEVER_ARM, GNSS_SHIFT)), TRUE)
     right = adjust_block(free, with_small_shift(observations))
