@@ -118,20 +118,24 @@ def test_positions_rejected_by_the_dozen_are_heard_and_a_single_one_is_not(
 
 @pytest.mark.parametrize("observed", [False, True])
 def test_a_shift_far_beyond_what_is_assumed_of_it_makes_sigma_larger(*, observed: bool) -> None:
-    """A shift of 3 m is fifteen times as large as what is thought possible, or stated of one that is free."""
+    """A shift of 3 m is fifteen times as large as what is thought possible, or stated of one that is free.
+
+    Of that one, what is stated is not the value from which the adjustment begins.
+    """
+    given = 2.0 if observed else 0.0
     system = SystemSpecification(lever_arm=tuple(TRUE), gnss_shift=(3.0, -2.0, 1.0))
     flown = simulate_block(small_specification(system=system))
     held = with_given(flown.block((BORESIGHT, GNSS_SHIFT) if observed else (BORESIGHT,)), TRUE)
     held = replace(
         held,
         system=tuple(
-            replace(item, values=np.zeros_like(item.values)) if item.family.name == GNSS_SHIFT else item
+            replace(item, values=np.full_like(item.values, given)) if item.family.name == GNSS_SHIFT else item
             for item in held.system
         ),
     )
     observations = flown.observations(held)
-    given = with_small_shift(observations) if observed else observations
-    found = indicated_lever_arms(held, adjust_block(held, given))
+    known = with_small_shift(observations) if observed else observations
+    found = indicated_lever_arms(held, adjust_block(held, known))
     assert found is not None
     free = with_given(flown.block((BORESIGHT, LEVER_ARM, GNSS_SHIFT)), TRUE)
     right = adjust_block(free, with_small_shift(observations))

@@ -15,8 +15,9 @@ from adjust.observations.control_point import ControlPoints
 from adjust.options import AdjustmentOptions
 from adjust.parameters import BORESIGHT, GNSS_SHIFT, ConsideredParameters, ParameterPlace
 from adjust.quality.locatability import explanations
-from adjust.quality.readmission import in_place
+from adjust.quality.readmission import _predicted, in_place
 from adjust.quality.rejection import SnoopingRule, snooping_statistics
+from adjust.quality.snooping_statistic import normal_equivalent
 from adjust.result import ObservationStatus
 from adjust.solve.system import Observations, System
 from tests.adjust.scenes import DEGREE, MICROMETRE, Scene, two_strips
@@ -317,3 +318,23 @@ def test_an_error_in_a_direction_that_nothing_else_controls_keeps_an_observation
     search = replace(search, adjusted=adjuster.again(search.adjusted, search.remaining()))
     for rule in (RULE, SnoopingRule(4.13, "observations")):
         assert search.fitting_again(rule).count == 0
+
+
+def test_whole_observations_are_tested_along_what_is_controlled_and_along_everything() -> None:
+    """Cofactors of predictions, and of what a weight makes of them inside: T² over them, from a tenth on."""
+    weight, whitener = np.full(1, 1.4), np.eye(3)[None]
+
+    def statistic(pull: list[float], outside: list[float]) -> float:
+        cofactor = np.diag(outside)[None]
+        rule = SnoopingRule(4.13, "observations")
+        given = np.array([pull]), cofactor, np.zeros_like(cofactor), whitener, weight
+        return float(_predicted(*given, rule, None)[0])
+
+    def expected(squares: float, dimension: int) -> float:
+        return float(normal_equivalent(np.array([squares]), np.array([dimension]))[0])
+
+    # The third one is 1.4² / 50 inside: it counts only where all together say more.
+    assert statistic([3.0, 4.0, 0.0], [2.0, 3.0, 50.0]) == pytest.approx(expected(9 / 2 + 16 / 3, 2))
+    assert statistic([0.0, 0.0, 70.0], [2.0, 3.0, 50.0]) == pytest.approx(expected(70**2 / 50, 3))
+    # A component that is not there is none of the directions.
+    assert statistic([3.0, 0.0, 0.0], [2.0, 50.0, 0.0]) == pytest.approx(expected(9 / 2, 1))
