@@ -81,3 +81,17 @@ def test_dark_images_are_judged_by_grey_values() -> None:
 def test_a_sensor_without_defects_has_none() -> None:
     found = found_in(flat(3))
     assert (len(found.pixels), len(found.columns), found.clusters, found.smallest_distance) == (0, 0, 0, None)
+
+
+def test_columns_side_by_side_are_one_defect_and_the_next_one_is_counted_from_its_end() -> None:
+    rows = np.arange(13)
+    places = [(row, column) for column in (10, 11, 20, 22) for row in rows]
+    apart = defects(np.array(places[:39]))
+    assert apart.columns[:, [1, 3]].tolist() == [[10, 11], [20, 20]]
+    assert (apart.double, apart.single, apart.smallest_distance) == (1, 1, 9)
+    assert defects(np.array(places)).columns[:, [1, 3]].tolist() == [[10, 11], [20, 20], [22, 22]]
+
+
+def test_pixels_that_touch_are_a_cluster_and_others_are_not() -> None:
+    found = defects(np.array([[5, 5], [5, 7], [8, 8], [9, 9], [20, 20], [22, 20]]))
+    assert found.cluster.tolist() == [0, 0, 1, 1, 0, 0]

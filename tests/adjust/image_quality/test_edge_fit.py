@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -113,3 +114,15 @@ def test_a_slope_of_brightness_along_the_edge_changes_nothing() -> None:
     along = (row - line.row) * np.cos(line.angle) - (column - line.column) * np.sin(line.angle)
     here, there = fit_edge(samples_of(image, line)), fit_edge(samples_of(image + 0.5 * along, line))
     assert there.factor == pytest.approx(here.factor, abs=2e-3)
+
+
+def test_a_slice_is_shifted_to_the_bright_side_where_its_pixels_are_darker() -> None:
+    image, line = edge_image(Kind(0.6, 6.0, 0.2), np.random.default_rng(4))
+    fit = fit_edge(samples_of(image, line))
+    along = fit.samples.along(fit.angle)
+    slices = np.floor(along - along.min()).astype(int)
+    move = 0.02 * np.sin(slices)
+    slope = fit.contrast * edge_values(fit.distance, float(fit.values[VARIANCE]), fit.angle).slope
+    found = straightness(replace(fit, residual=-slope * move))
+    known = np.isin(np.round(np.bincount(slices, along) / np.bincount(slices), 9), np.round(found.along, 9))
+    np.testing.assert_allclose(found.shift, 0.02 * np.sin(np.flatnonzero(known)), atol=1e-12)

@@ -15,7 +15,7 @@ from scipy.signal.windows import tukey
 from adjust.arrays import Floats
 from adjust.image_quality.edge_fit import EdgeFit, fit_edge
 from adjust.image_quality.edge_model import edge_values, transfer
-from adjust.image_quality.edge_profile import edge_profile, normalized
+from adjust.image_quality.edge_profile import EdgeProfile, edge_profile, normalized
 from adjust.image_quality.edge_samples import samples_of
 from adjust.image_quality.iso_12233 import flat_within_half, frequency_response
 from tests.adjust.image_quality.synthetic_edges import Kind, edge_image
@@ -132,3 +132,13 @@ def test_image_quality_loads_no_signal_processing() -> None:
     code = "import sys, flows.stories.image_quality; print('scipy.signal' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize(
+    ("overshoot", "sigma", "sharpened"), [(0.009, 1e-4, False), (0.02, 0.01, False), (0.02, 1e-3, True)]
+)
+def test_an_overshoot_is_one_if_it_is_neither_noise_nor_too_small_to_be_seen(
+    overshoot: float, sigma: float, *, sharpened: bool
+) -> None:
+    spline = BSpline(np.arange(8.0), np.ones(4), 3)
+    assert EdgeProfile(spline, np.eye(4), overshoot, sigma).sharpened is sharpened
