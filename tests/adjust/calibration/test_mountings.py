@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import optimize, stats
 
+from adjust.arrays import Ints
+from adjust.calibration import mountings as mountings_of
 from adjust.calibration.clusters import split_in_two
 from adjust.calibration.mountings import MountingRule, found_mountings
 from adjust.calibration.orientation_differences import SHIFT
@@ -248,3 +252,40 @@ def test_a_division_has_the_chance_of_students_t_times_the_number_of_divisions()
 def test_values_that_belong_together_are_not_divided() -> None:
     random = np.random.default_rng(14)
     assert sum(split_in_two(random.normal(size=12), 0.05) is not None for _ in range(500)) <= 25 + 3 * 5
+
+
+def test_mountings_that_do_not_differ_are_given_up_the_most_alike_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By chances of the mountings of strips 2, 3, 4 and 5; each of 4 tests of 4 searches has a sixteenth."""
+    chances, asked = {2: 1e-9, 3: 0.4, 4: 0.01, 5: 1e-4}, list[int]()
+
+    def of(_strips: Any, mounting: Ints, _errors: Any, _sigma: Any) -> Any:
+        def differing(number: int, other: int, _limits: Any) -> float:
+            assert other == 0
+            asked.append(number)
+            return chances[int(np.flatnonzero(mounting == number)[0])]
+
+        return SimpleNamespace(mountings=np.unique(mounting), differing=differing)
+
+    monkeypatch.setattr(mountings_of, "JointStrips", SimpleNamespace(of=of))
+    rule = replace(RULE, error_probability=0.05)
+    found, joint = mountings_of._confirmed(None, np.array([0, 0, 1, 2, 3, 4]), None, rule)  # type: ignore[arg-type]
+    assert found.tolist() == [0, 0, 1, 0, 0, 2]
+    assert joint.mountings.tolist() == [0, 1, 2]
+    assert asked == [1, 2, 3, 4, 1, 2, 3, 1, 2]
+
+
+def test_the_mounting_of_most_strips_is_the_first_whatever_single_strips_agree() -> None:
+    single = np.arange(7) >= 3
+    part, alike = np.array([0, 0, 0, 1, 1, 1, 1]), np.zeros((7, 5))
+    assert mountings_of._numbered(part, single, alike).tolist() == [0, 0, 0, 1, 1, 1, 1]
+
+
+def test_a_strip_stands_out_against_the_median_of_all() -> None:
+    """Of two that are far off the mean would make outliers of all others."""
+    most = RULE.beyond_chance(9)[0]
+    left = np.zeros((9, 6))
+    left[:2, 0] = 9.0 * most
+    found = mountings_of._of_themselves(left, np.ones((9, 6), dtype=bool), RULE)
+    assert found.tolist() == [True, True] + [False] * 7
