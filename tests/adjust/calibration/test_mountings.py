@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -289,3 +289,22 @@ def test_a_strip_stands_out_against_the_median_of_all() -> None:
     left[:2, 0] = 9.0 * most
     found = mountings_of._of_themselves(left, np.ones((9, 6), dtype=bool), RULE)
     assert found.tolist() == [True, True] + [False] * 7
+
+
+def test_a_mount_that_slips_is_found_in_whatever_order_the_strips_are_numbered() -> None:
+    strips = strips_flown(np.random.default_rng(7), (12,))
+    remounted(strips, strips.place >= np.sort(strips.place)[6], (0.03, 0.0, 0.0), (0.0, 0.0))
+    order = np.random.default_rng(8).permutation(12)
+    mixed = replace(
+        strips,
+        **{item.name: getattr(strips, item.name)[order] for item in fields(strips) if item.name != "strip"},
+    )
+    found, again = found_mountings(strips, RULE).mounting, found_mountings(mixed, RULE).mounting
+    assert len(np.unique(found)) == 2
+    np.testing.assert_array_equal(np.equal.outer(again, again), np.equal.outer(found[order], found[order]))
+
+
+def test_single_strips_that_are_linked_by_others_are_one_cluster() -> None:
+    points = np.zeros((5, 5))
+    points[:, 2] = [2.7, 0.9, 0.0, 1.8, 9.0]
+    assert mountings_of._linked(points).tolist() == [0, 0, 0, 0, 1]
