@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adjust.approximate import image_model
+from adjust.approximate.image_model import ImageModel
 from adjust.approximate.image_pair import pair_models, pairs_by_common_points
 from adjust.approximate.measured_images import MeasuredImages
 from adjust.approximate.placement import KnownPlaces
@@ -256,3 +258,48 @@ def test_the_same_input_gives_the_same_bits() -> None:
     truth = scene(8, 40, 0.5)
     one, other = (find_orientations(measured_images(truth, sigma_px=0.5), known(truth)) for _ in range(2))
     assert np.array_equal(one.model.projection_centre, other.model.projection_centre)
+
+
+def model_in_place(truth: CloseRange, points: Floats) -> ImageModel:
+    every = np.ones(len(truth.projection_centre), dtype=bool)
+    return ImageModel(every, truth.projection_centre, truth.local_from_camera, points)
+
+
+def test_points_whose_rays_meet_under_less_than_a_degree_are_in_no_model() -> None:
+    truth = scene(2, 20, 0.5)
+    near = truth.projection_centre.copy()
+    far = np.linalg.norm(truth.target.mean(axis=0) - near[0])
+    across = truth.local_from_camera[0][:, 0]
+    for angle_deg, there in ((0.7, False), (1.6, True)):
+        near[1] = near[0] + far * np.deg2rad(angle_deg) * across
+        turn = np.stack([truth.local_from_camera[0]] * 2)
+        moved = replace(truth, projection_centre=near, local_from_camera=turn)
+        found = image_model._intersected(
+            measured_images(moved), model_in_place(moved, np.full((20, 3), np.nan)), 3.0
+        )
+        known = np.isfinite(found.object_point).all(axis=1)
+        assert known.mean() == pytest.approx(float(there), abs=0.25)
+
+
+def test_the_misfit_of_a_model_counts_points_that_are_not_in_it_and_have_several_rays() -> None:
+    truth = scene(3, 21, 0.5)
+    seen = np.ones((3, 21), dtype=bool)
+    seen[1:, :10] = False
+    measured, points = measured_images(truth, seen, sigma_px=1.0), truth.target.copy()
+    points[:10] = np.nan
+    of_known = measured.residual_px(
+        measured.state(truth.projection_centre, truth.local_from_camera, truth.target)
+    )[measured.rays.point >= 10]
+    misfit = image_model._misfit_px(measured, model_in_place(truth, points))
+    assert misfit == pytest.approx(float(np.median(of_known)))
+    points[10:17] = np.nan
+    assert image_model._misfit_px(measured, model_in_place(truth, points)) == np.inf
+
+
+def test_a_model_grows_to_as_many_images_as_are_wanted() -> None:
+    truth = scene(8, 40, 0.5)
+    measured, every = measured_images(truth), np.ones(8, dtype=bool)
+    first = np.arange(8) < 3
+    begun = image_model.model_of(measured, first, truth.projection_centre, truth.local_from_camera)
+    for most in (3, 5, 8):
+        assert image_model.grown(measured, begun, every, most=most).count == most
