@@ -308,3 +308,27 @@ def test_single_strips_that_are_linked_by_others_are_one_cluster() -> None:
     points = np.zeros((5, 5))
     points[:, 2] = [2.7, 0.9, 0.0, 1.8, 9.0]
     assert mountings_of._linked(points).tolist() == [0, 0, 0, 0, 1]
+
+
+def test_parts_that_do_not_differ_are_joined_the_most_alike_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two flights, the second of which has slipped; a single strip; and one of which none is kept."""
+    flight, part = np.array([0, 0, 1, 1, 1, 1, 2, 3]), np.array([0, 0, 1, 1, 2, 2, 3, 4])
+    kept = np.arange(8) < 7
+    chances = {(0, 2): 1e-9, (0, 4): 0.5, (0, 6): 0.01, (2, 4): 0.9, (2, 6): 1e-9, (4, 6): 1e-9}
+    within = np.sqrt(2.0) * RULE.beyond_chance(8)
+    limits_of = {pair: RULE.limits if pair in ((0, 2), (0, 4)) else within for pair in chances}
+
+    def of(_strips: Any, present: Ints, given: Any) -> Any:
+        np.testing.assert_array_equal(given, kept)
+
+        def differing(one: int, other: int, limits: Any) -> float:
+            pair = tuple(int(np.flatnonzero((present == name) & kept)[0]) for name in (one, other))
+            np.testing.assert_array_equal(limits, limits_of[pair])
+            return chances[pair]
+
+        return SimpleNamespace(differing=differing)
+
+    monkeypatch.setattr(mountings_of, "StripComparison", SimpleNamespace(of=of))
+    strips: Any = SimpleNamespace(flight=flight)
+    found = mountings_of._joined(strips, part, kept, RULE, 0.05)
+    assert found.tolist() == [0, 0, 1, 1, 1, 1, 0, 0]
