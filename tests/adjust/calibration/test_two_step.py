@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
+from adjust.calibration import outlying_strips as outlying_strips_of
 from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.orientation_differences import (
     OrientationDifferences,
@@ -264,6 +265,24 @@ def test_extreme_deviates_agree_with_the_example_of_rosner() -> None:
     """Rosner (1983), 54 values: three outliers at 5 %, although the second alone would not be one."""
     values = np.fromstring(ROSNER, sep=" ")
     assert sorted(values[extreme_deviates(values, 0.05)]) == [5.34, 5.42, 6.01]
+
+
+def test_critical_values_are_those_of_the_nist_handbook() -> None:
+    """Section 1.3.5.17.3, 54 values, 5 %, for one to ten outliers."""
+    expected = [
+        3.158794,
+        3.151430,
+        3.143890,
+        3.136165,
+        3.128247,
+        3.120128,
+        3.111796,
+        3.103243,
+        3.094456,
+        3.085425,
+    ]
+    found = [outlying_strips_of._critical(54, number, 0.05) for number in range(1, 11)]
+    np.testing.assert_allclose(found, expected, atol=2e-6)
 
 
 def test_a_single_outlier_is_called_one_beyond_the_critical_value_of_grubbs() -> None:
