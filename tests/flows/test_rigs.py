@@ -35,6 +35,14 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate_project(simulation, tmp_path_factory.mktemp("penta")).project_file
 
 
+@pytest.fixture(scope="module")
+def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six exposures in two lines."""
+    changes = ("flight.lines=2", "flight.exposures=3", "points.count=100")
+    simulation = load_simulation("penta", changes, 3)
+    return simulate_project(simulation, tmp_path_factory.mktemp("few")).project_file
+
+
 def adjusted(project: Path, out: Path, *overrides: str, story: Story = adjustment_alone) -> Path:
     """The results of a run that ends well."""
     found = carry_out(story, RunRequest(project, out, overrides=overrides))
@@ -186,23 +194,24 @@ def test_names_of_images_decide_nothing(flight: Path, results: Path, tmp_path: P
     ],
 )
 def test_images_that_make_no_event_are_refused(
-    flight: Path, out: Path, column: str, row: int, value: object, message: str
+    few: Path, tmp_path: Path, column: str, row: int, value: object, message: str
 ) -> None:
-    exposures = pd.read_csv(flight.parent / "exposures.csv")
+    exposures = pd.read_csv(few.parent / "exposures.csv")
     place = exposures.columns.get_loc(column)
     changed = exposures.iloc[row, place] + value if isinstance(value, float) else None
     if value == "time of row 1":
         changed = exposures.iloc[1, place]
     exposures.iloc[row, place] = changed  # type: ignore[call-overload]
-    overrides = (delivered(out, exposures), 'adjustment.free=["relative_rotation"]')
-    found = carry_out(aerial_triangulation, RunRequest(flight, out, overrides=overrides))
+    out = tmp_path / "out"
+    overrides = (delivered(tmp_path, exposures), 'adjustment.free=["relative_rotation"]')
+    found = carry_out(aerial_triangulation, RunRequest(few, out, overrides=overrides))
     assert found.error is not None
     assert message in str(found.error)
     # The doctor, which adjusts nothing, finds it as well.
     store = Store.of(out)
     store.begin_run()
     assert any(
-        message in one.what for one in examine_everything(load_project(flight, overrides), store).mistakes
+        message in one.what for one in examine_everything(load_project(few, overrides), store).mistakes
     )
 
 

@@ -12,7 +12,8 @@ from tasks.handover.results import with_images_only
 from tasks.handover.rig_heads import RigHeads
 from tests.tasks.handover.flown_block import Flight, delivered, flown, points_of
 
-REFRACTED = Flight(2000.0, refracted=True)
+# Grids of correction polynomials are coarse, those of a forward distortion take seconds.
+REFRACTED = Flight(2000.0, refracted=True, corrections=True)
 
 
 @pytest.fixture(scope="module")

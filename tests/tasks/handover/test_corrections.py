@@ -48,6 +48,15 @@ def with_mean_residuals(case, *, seams=False, unknown=0):
     return results, points_of(results)
 
 
+def of_one_camera(results):
+    """The same images, all by the first camera."""
+    images = results.images
+    first = {name: getattr(images, name)[:1] for name in ("focal_length", "half_format", "pixel_size")}
+    return replace(
+        results, images=replace(images, camera=0 * images.camera, **first), cameras=results.cameras[:1]
+    )
+
+
 def rows(text):
     return list(csv.DictReader(text.splitlines()))
 
@@ -112,8 +121,9 @@ def tables(files):
     """The same of the plain tables."""
     found = {}
     for direction in DIRECTIONS:
-        for name in ("UC A", "B"):
-            own = [row for row in rows(files[f"{direction}.csv"]) if row["camera"] == name]
+        table = rows(files[f"{direction}.csv"])
+        for name in dict.fromkeys(row["camera"] for row in table):
+            own = [row for row in table if row["camera"] == name]
             node = numbers(own, "x_mm", "y_mm")
             moved = node + 1e-3 * numbers(own, "dx_um", "dy_um")
             size = (int(own[-1]["column"]) + 1, int(own[-1]["row"]) + 1)
@@ -127,6 +137,9 @@ def tables(files):
 )
 def test_a_written_grid_reproduces_the_correction_to_the_stated_misfit(name, corrections):
     results, _ = with_mean_residuals(Flight(corrections=corrections))
+    if not corrections:
+        # The grid of a strong distortion takes seconds.
+        results = of_one_camera(results)
     delivery = delivered(results, no_points(), name)
     files = REGISTER[name].write(delivery)
     if name == "distortion-grid":
@@ -137,7 +150,7 @@ def test_a_written_grid_reproduces_the_correction_to_the_stated_misfit(name, cor
             for direction in DIRECTIONS
             for camera, grid in gridgroups(files[f"{direction}.dat"]).items()
         }
-    assert len(grids) == 4
+    assert len(grids) == 2 * len(results.cameras)
     rng = np.random.default_rng(3)
     for one, stated in zip(results.cameras, delivery.grids, strict=True):
         measured = rng.uniform(-1.0, 1.0, (4000, 2)) * one.frame.half_format

@@ -117,9 +117,10 @@ def test_heads_that_move_are_cameras_alone(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", REGISTER)
 def test_other_formats_say_that_heads_stand_alone(name: str) -> None:
-    results, points = flown(Flight(rig=True))
-    text = " ".join(statement(delivered(results, points, name), REGISTER[name]).split())
     form = REGISTER[name]
+    # Grids of correction polynomials are coarse, those of a forward distortion take seconds.
+    results, points = flown(Flight(rig=True, corrections=form.grid))
+    text = " ".join(statement(delivered(results, points, name), form).split())
     assert ("Heads of rigs are written as single cameras: the format has no rigs" in text) == (
         form.rigs == "none" and form.oriented
     )
