@@ -156,8 +156,9 @@ class Dense:
         left = mean_of @ result.groups[0].residual.ravel()
         whitened, mean_of = self.of_rays * inverse[:, None], mean_of * sigma
         self.effect = self.cofactor @ (a.T @ whitened)
-        response = mean_of @ whitened - mean_of @ a @ self.effect
-        noise = result.sigma0**2 * mean_of @ (np.eye(2 * n) - a @ self.cofactor @ a.T) @ mean_of.T
+        of_unknowns = mean_of @ a
+        response = mean_of @ whitened - of_unknowns @ self.effect
+        noise = result.sigma0**2 * (mean_of @ mean_of.T - of_unknowns @ self.cofactor @ of_unknowns.T)
         (of_interior,) = (
             term.jacobian
             for term in rays.linearize(result.solution.linearization).terms
@@ -204,13 +205,14 @@ class Dense:
 
     def assert_alike(self, found: Floats, *expected: Floats) -> None:
         """Whether errors have the covariances of others, of which there are several independent ones."""
-        added = sum(item @ item.T for item in expected)
         image = np.full(len(self.of_rays), 1e-6)
-        size = np.concatenate([np.sqrt(np.diagonal(self.cofactor)), image])
-        scale = np.outer(size, size)
+        size = np.concatenate([np.sqrt(np.diagonal(self.cofactor)), image])[:, None]
+        scaled, *others = (item / size for item in (found, *expected))
+        added = sum(item @ item.T for item in others)
         of_unknowns = slice(0, len(self.cofactor))
-        largest = np.max((added / scale)[of_unknowns, of_unknowns])
-        np.testing.assert_allclose(found @ found.T / scale, added / scale, atol=1e-5 * largest)
+        largest = np.max(added[of_unknowns, of_unknowns])
+        difference = scaled @ scaled.T - added
+        assert np.abs(difference, out=difference).max() < 1e-5 * largest
 
 
 @pytest.mark.parametrize(
