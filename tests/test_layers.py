@@ -93,6 +93,7 @@ STEPS = {
         ],
         {"scipy.stats"},
     ),
+    "image quality": (["flows.stories.image_quality"], {"scipy.signal"}),
     "everything": (
         sorted(
             ".".join(path.relative_to(REPOSITORY).with_suffix("").parts).removesuffix(".__init__")
@@ -131,12 +132,17 @@ def test_only_the_flows_and_what_serves_them_import_prefect_when_they_are_import
 
 @pytest.fixture(scope="module")
 def came_along() -> dict[str, list[str]]:
-    return unwanted_after("list", "reuse", "adjustment")
+    return unwanted_after("list", "reuse", "adjustment", "image quality")
 
 
 def test_an_adjustment_does_not_wait_for_all_distributions(came_along: dict[str, list[str]]) -> None:
     """One probability is a function of scipy.special; scipy.stats takes longer than the rest together."""
     assert came_along["adjustment"] == []
+
+
+def test_image_quality_loads_no_signal_processing(came_along: dict[str, list[str]]) -> None:
+    """It took 1.3 s."""
+    assert came_along["image quality"] == []
 
 
 def test_a_list_of_formats_loads_nothing_that_computes(came_along: dict[str, list[str]]) -> None:

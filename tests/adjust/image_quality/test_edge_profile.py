@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -125,13 +123,6 @@ def test_another_implementation_of_iso_12233_has_the_same_mtf50(slant: float, bl
 @pytest.mark.parametrize("count", [47, 48, 49, 50])
 def test_the_window_is_that_of_scipy(count: int) -> None:
     np.testing.assert_array_equal(flat_within_half(count), tukey(count, 0.5))
-
-
-def test_image_quality_loads_no_signal_processing() -> None:
-    """It took 1.3 s."""
-    code = "import sys, flows.stories.image_quality; print('scipy.signal' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
 
 
 @pytest.mark.parametrize(
