@@ -18,6 +18,7 @@ import hypothesis
 import pytest
 import threadpoolctl
 
+from flows.runs.freed_memory import keep_freed_memory
 from tests.chromium import ALONE, chromium
 from tests.postgresql_server import PostgresqlServer, running_server
 
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 # its processor time by up to ten. The variable is for what is loaded later and for programs that tests start.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 threadpoolctl.threadpool_limits(int(os.environ["OMP_NUM_THREADS"]))
+
+# As the command does; otherwise the system clears pages again for every array that follows another.
+keep_freed_memory()
 
 # Prefect reads its settings when it is imported, so they stand here, before any test module is loaded.
 _prefect_home = tempfile.TemporaryDirectory(prefix="aerocal-tests-prefect-")
@@ -64,6 +68,12 @@ hypothesis.settings.register_profile("aerocal", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("aerocal")
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than processors, because tests also wait; in CI, other checks use that time."""
+    return len(os.sched_getaffinity(0)) + (os.environ.get("CI") != "true")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection(session: pytest.Session) -> None:
     """Every second worker loads all test files from the last to the first.
@@ -81,8 +91,10 @@ def pytest_collection(session: pytest.Session) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Keep the collector of cycles from what lives to the end anyway; the command does the same."""
-    gc.collect()
+    """Keep the collector of cycles from what lives to the end anyway; the command does the same.
+
+    Looking for garbage before would take each worker half a second.
+    """
     gc.freeze()
 
 
