@@ -100,7 +100,7 @@ def _refined(rays: ImagePoints, state: State, found: Intersection) -> Floats:
 
 
 @kernel
-def _solve_factorized(lower: Floats, rhs: Floats) -> None:
+def solve_factorized(lower: Floats, rhs: Floats) -> None:
     """Overwrite rhs (3,) with (L Lᵀ)⁻¹ rhs."""
     for k in range(3):
         for q in range(k):
@@ -179,7 +179,7 @@ def _intersected_rays(
         if angle[j] < 1e-6 or not factorize_point(normal):
             status[j] = 2
             continue
-        _solve_factorized(normal, rhs)
+        solve_factorized(normal, rhs)
         for k in range(3):
             points[j, k] = rhs[k]
         for _ in range(_REFINEMENTS):
@@ -203,7 +203,7 @@ def _intersected_rays(
             if not factorize_point(normal):
                 status[j] = 2
                 break
-            _solve_factorized(normal, rhs)
+            solve_factorized(normal, rhs)
             for k in range(3):
                 points[j, k] += rhs[k]
             if rhs[0] * rhs[0] + rhs[1] * rhs[1] + rhs[2] * rhs[2] < 1e-16:

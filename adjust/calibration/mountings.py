@@ -125,7 +125,7 @@ def _confirmed(
 
 def _searched(strips: StripMeans, rule: MountingRule) -> Mountings:
     """The mountings by the scatter of the strips."""
-    axes = _tested_axes(strips)
+    axes = tested_axes(strips)
     count = len(strips.strip)
     single = np.zeros(count, dtype=bool)
     if count < LEAST_STRIPS:
@@ -154,7 +154,7 @@ def _left(strips: StripMeans, part: Ints, single: Bools, axes: TestedAxes) -> Fl
         left[own] -= angles[own & ~single].mean(axis=0) if (own & ~single).any() else angles.mean(axis=0)
     # About the mean of all, so that rounding is told from scatter.
     left += angles.mean(axis=0)
-    return np.hstack([left, _stable_offsets(strips, part, ~single, axes)])
+    return np.hstack([left, stable_offsets(strips, part, ~single, axes)])
 
 
 def _of_themselves(left: Floats, outlying: Bools, rule: MountingRule) -> Bools:
@@ -211,7 +211,7 @@ def _cluster(
 ) -> Bools | None:
     """The strips (k,) of a part that are a cluster of their own, by roll, pitch, yaw, forward or right."""
     names = np.unique(part[kept])
-    offset = _stable_offsets(strips, part, kept, "body")[:, :2]
+    offset = stable_offsets(strips, part, kept, "body")[:, :2]
     values = np.hstack([strips.mean[:, MISALIGNMENT], offset])
     limits = rule.limits[[0, 1, 2, 3, 3]]
     for name in names:
@@ -268,13 +268,13 @@ def _joined(strips: StripMeans, part: Ints, kept: Bools, rule: MountingRule, pro
     return part
 
 
-def _tested_axes(strips: StripMeans) -> TestedAxes:
+def tested_axes(strips: StripMeans) -> TestedAxes:
     """The axes in which most strips agree better, whatever the others say."""
     spreads = [_robust_spread(strips.mean[:, part][:, :2]) for part in (LEVER_ARM, SHIFT)]
     return "map" if spreads[1] < spreads[0] else "body"
 
 
-def _stable_offsets(strips: StripMeans, part: Ints, kept: Bools, axes: TestedAxes) -> Floats:
+def stable_offsets(strips: StripMeans, part: Ints, kept: Bools, axes: TestedAxes) -> Floats:
     """Offsets (k, 3) less what a shift of each flight and a lever arm of each mounting explain.
 
     They are along these axes, the vertical one last and as it is. With fewer strips than unknowns, what is

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adjust.approximate import intersection_kernel
-from adjust.approximate.intersection import IntersectionStatus, intersect
+from adjust.approximate.intersection import IntersectionStatus, intersect, solve_factorized
 from adjust.arrays import Floats
 from adjust.geometry import rotation
 from adjust.observations.image_point import ImagePoints
@@ -170,5 +169,5 @@ def test_factors_are_solved_forwards_and_backwards() -> None:
     lower = np.array([[2.0, 0.0, 0.0], [0.5, 1.5, 0.0], [-0.7, 0.4, 1.2]])
     right = np.array([1.0, -2.0, 3.0])
     expected = np.linalg.solve(lower @ lower.T, right)
-    intersection_kernel.solve_factorized(lower, right)
+    solve_factorized(lower, right)
     np.testing.assert_allclose(right, expected, rtol=1e-12)

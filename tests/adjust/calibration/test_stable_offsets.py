@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from adjust.arrays import Bools, Floats, Ints
-from adjust.calibration import stable_offsets as offsets_left
-from adjust.calibration.stable_offsets import TestedAxes, stable_offsets
+from adjust.calibration.mountings import TestedAxes, stable_offsets, tested_axes
 from adjust.calibration.strip_means import StripMeans
 
 COUNT = 16
@@ -92,4 +91,4 @@ def test_tested_are_the_axes_in_which_most_strips_agree_whatever_the_others_say(
     if axes == "body":
         offset = np.einsum("kij,kj->ki", turns(HEADING), offset)
     offset[:6] += np.random.default_rng(2).normal(0.0, 5.0, (6, 2))
-    assert offsets_left.tested_axes(strips_with(offset)) == axes
+    assert tested_axes(strips_with(offset)) == axes
