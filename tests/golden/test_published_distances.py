@@ -38,26 +38,29 @@ def oracle(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 def test_distances(oracle: Oracle) -> None:
-    """Of those used √(σ0² (σ² − q)), of others √(σ² + σ0² q), with the σ that the adjustment used."""
+    """Of those used √(σ0² (σ² − q)), of others √(σ² + σ0² q), with the σ that the adjustment used.
+
+    That of a check is the stated one: what the block says of its distances says nothing of another.
+    """
     d, table = oracle.dense, oracle.results.table("distance_residuals")
     given = oracle.block.measured.set_index(["point", "other_point"])
     ends = list(zip(table["point"], table["other_point"], strict=True))
     assert set(ends) == set(given.index)
     rows = [d.keys.index((f"distances:{other}", "", point, "distance")) for point, other in ends]
     q = oracle.factor**2 * np.einsum("ij,jk,ik->i", d.all_a[rows], d.q, d.all_a[rows])
-    used = d.used[rows]
-    sigma = np.sqrt(np.where(used, oracle.factor**2 * d.sigma[rows] ** 2 - q, d.sigma[rows] ** 2 + q))
+    used, check = d.used[rows], (given["role"].loc[ends] == "check").to_numpy()
+    own = np.where(check, given["sigma"].loc[ends], d.sigma[rows])
+    sigma = np.sqrt(np.where(used, oracle.factor**2 * own**2 - q, own**2 + q))
     exactly(table["distance_m"], given["distance"].loc[ends], "distance", tolerance=1e-12)
     exactly(table["difference_m"], d.all_v[rows], "difference", of=sigma, tolerance=1e-6)
     exactly(table["sigma_difference_m"], sigma, "σ of a difference", tolerance=1e-7)
-    check = (given["role"].loc[ends] == "check").to_numpy()
     np.testing.assert_array_equal(
         table["status"], np.where(used, "used", np.where(check, "check", "rejected"))
     )
     every = oracle.results.table("residuals").set_index(["group", "point"])
     every = every.loc[[(f"distances:{other}", point) for point, other in ends]]
     exactly(every["residual"], d.all_v[rows], "v", of=sigma, tolerance=1e-6)
-    exactly(every["sigma"], d.sigma[rows], "σ", tolerance=1e-9)
+    exactly(every["sigma"], own, "σ", tolerance=1e-9)
 
 
 def test_figures(oracle: Oracle) -> None:

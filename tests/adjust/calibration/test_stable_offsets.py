@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from adjust.arrays import Bools, Floats, Ints
-from adjust.calibration.mountings import TestedAxes, stable_offsets, tested_axes
+from adjust.calibration import mountings
+from adjust.calibration.mountings import TestedAxes, stable_offsets
 from adjust.calibration.strip_means import StripMeans
 
 COUNT = 16
@@ -91,4 +92,4 @@ def test_tested_are_the_axes_in_which_most_strips_agree_whatever_the_others_say(
     if axes == "body":
         offset = np.einsum("kij,kj->ki", turns(HEADING), offset)
     offset[:6] += np.random.default_rng(2).normal(0.0, 5.0, (6, 2))
-    assert tested_axes(strips_with(offset)) == axes
+    assert mountings.tested_axes(strips_with(offset)) == axes
