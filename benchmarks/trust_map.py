@@ -1,4 +1,4 @@
-"""The trust map of a million cells, next to the adjustment of the same block with all of its statistics.
+"""The trust map of a million cells, next to the adjustment of the same block as a run makes it by default.
 
 Each size is measured in a process of its own: ``python -m benchmarks.trust_map PROBLEM`` prints processor
 seconds and memory as one line of JSON.
@@ -97,7 +97,7 @@ def main(file: str) -> None:
                 "peer_s": adjustment,
                 "ratio": whole / adjustment,
                 "phases_processor_s": seconds,
-                "included": "processor seconds of 1 million cells; peer: our adjustment with its statistics",
+                "included": "processor seconds of 1 million cells; peer: our adjustment as a run makes it by default",
                 "images": len(block.images),
                 "image_points": len(observations.image_points.image),
                 "peak_memory_mib": peak_memory_mib(),
