@@ -97,7 +97,7 @@ def main(file: str) -> None:
                 "peer_s": adjustment,
                 "ratio": whole / adjustment,
                 "phases_processor_s": seconds,
-                "included": "processor seconds of 1 million cells; peer: our adjustment as in a run by default",
+                "included": "processor seconds of 1 million cells; peer: our adjustment, by default settings",
                 "images": len(block.images),
                 "image_points": len(observations.image_points.image),
                 "peak_memory_mib": peak_memory_mib(),
