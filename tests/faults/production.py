@@ -9,14 +9,14 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from tasks.production.records import Records
 from tasks.production.run_record import RunRecord
 from tests.faults.projects import damage
 from tests.postgresql_server import PASSWORD, PostgresqlServer, running_server
-from tests.service.served import START_S, Served, environment, served, until
+from tests.service.served import START_S, Served, environment, groups_of, served, until
 
 
 class Checker:
@@ -131,11 +131,17 @@ def production(folder: Path) -> Iterator[Production]:
             yield made
         finally:
             if made.runner.poll() is None:
+                # A run that was meant for a server of another port would try to reach it on and on.
+                groups = groups_of(made.runner.pid)
                 made.runner.terminate()
                 try:
                     made.runner.wait(60)
                 except subprocess.TimeoutExpired:
                     made.runner.kill()
+                    made.runner.wait()
+                    for group in groups:
+                        with suppress(ProcessLookupError):
+                            os.killpg(group, signal.SIGKILL)
 
 
 def seconds_since(started: float) -> float:

@@ -120,8 +120,13 @@ class Served:
 
     def groups(self) -> set[int]:
         """The process groups of its children."""
-        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
-        return {os.getpgid(int(child)) for child in children}
+        return groups_of(self.process.pid)
+
+
+def groups_of(process: int) -> set[int]:
+    """The process groups of the children of a process."""
+    children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    return {os.getpgid(int(child)) for child in children}
 
 
 def environment(folder: Path) -> dict[str, str]:
