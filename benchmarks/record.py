@@ -123,7 +123,7 @@ def show(records: Iterable[Record], console: Console | None = None) -> None:
     if of_rigs:
         console.print(_multiples("events of five heads", "single cameras", of_rigs))
     if maps:
-        console.print(_multiples("trust map of a million cells", "adjustment as in a run", maps))
+        console.print(_multiples("trust map of a million cells", "adjustment with statistics", maps))
     if commands:
         console.print(_commands(commands))
     if grown:

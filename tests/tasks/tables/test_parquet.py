@@ -14,7 +14,7 @@ from tasks.settings.coordinates import ELLIPSOIDAL
 from tasks.store.artifact import artifact_of
 from tasks.tables.parquet import read_table, write_table
 from tasks.tables.schemas.adjustment import OBJECT_POINTS, RESIDUALS
-from tasks.tables.schemas.deliveries import CONTROL_POINTS, IMAGE_POINTS
+from tasks.tables.schemas.deliveries import APPROXIMATE_POINTS, CONTROL_POINTS, IMAGE_POINTS
 from tasks.tables.schemas.parameters import PARAMETERS
 from tasks.tables.schemas.register import SCHEMAS
 
@@ -295,3 +295,20 @@ def test_texts_can_be_read_as_categories_in_their_order(tmp_path):
     few = read_table(artifact_of(path), categories=True, columns=("residual", "image"))
     assert list(few) == ["residual", "image"]
     assert all(few[name].equals(read[name]) for name in few)
+
+
+def test_a_long_table_that_a_stage_changes_is_read_unchanged_by_the_next(tmp_path):
+    path = tmp_path / "approximate_points.parquet"
+    columns = {
+        "point": ["A", "B"],
+        **dict.fromkeys(("x_m", "y_m", "z_m", "angle_deg"), np.array([1.0, 2.0])),
+        "rays": np.array([2, 3]),
+        "status": ["used", "used"],
+    }
+    write_table(path, APPROXIMATE_POINTS, columns, FRAME)
+    first = read_table(artifact_of(path), categories=True)
+    first.loc[0, "x_m"] = 5.0
+    first["rays"] = 0
+    second = read_table(artifact_of(path), categories=True)
+    assert second["x_m"].tolist() == [1.0, 2.0]
+    assert second["rays"].tolist() == [2, 3]
