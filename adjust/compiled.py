@@ -14,6 +14,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import logging
+import math
 import os
 import tempfile
 import time
@@ -138,14 +139,14 @@ def _lock_of(name: str) -> Iterator[None]:
     except OSError:
         yield
         return
-    told_at = time.monotonic() + _PATIENCE_S
+    tell_at = time.monotonic() + _PATIENCE_S
     try:
         # Not in the system call: a signal that comes just before it would be heard of only after it.
         while not _locked(handle):
             time.sleep(_LOOK_S)
-            if time.monotonic() > told_at:
-                _tell_whom_it_waits_for(os.pread(handle, 300, 0).decode(errors="replace"))
-        _record_holder(handle)
+            if time.monotonic() > tell_at:
+                tell_at = math.inf
+                _tell_whom_it_waits_for(_holder(handle))
         yield
     finally:
         # A forked process shares the lock, so closing alone would not end it.
@@ -154,11 +155,15 @@ def _lock_of(name: str) -> Iterator[None]:
         os.close(handle)
 
 
-def _record_holder(handle: int) -> None:
-    """Write who holds a lock into its file, for the message to others only."""
+def _holder(handle: int) -> str:
+    """Number of the process that holds the lock of a kernel, as Linux lists it; empty if it is not seen."""
+    inode, locks = os.fstat(handle).st_ino, Path("/proc/locks")
     with suppress(OSError):
-        os.ftruncate(handle, 0)
-        os.pwrite(handle, f"{os.getpid()} of {os.uname().nodename}".encode(), 0)
+        # Such as "7: FLOCK ADVISORY WRITE 1234 fe:00:5678 0 EOF"; 0 is a process of another container.
+        for _, kind, _, _, process, place, *_ in map(str.split, locks.read_text().splitlines()):
+            if kind == "FLOCK" and int(process) > 0 and place.endswith(f":{inode}"):
+                return process
+    return ""
 
 
 @cache
@@ -167,7 +172,7 @@ def _tell_whom_it_waits_for(holder: str) -> None:
     _log.warning(
         "waiting for process %s, which compiles kernels. If it is stopped, let it continue (kill -CONT) or "
         "end it (kill -KILL), or set AEROCAL_KERNEL_CACHE to another folder",
-        holder or "unknown",
+        holder or "of another machine",
     )
 
 

@@ -193,8 +193,8 @@ def _least(
     )
     # Nothing takes away what is known beforehand, so what it swamps would hide gross errors for good.
     everywhere = max(critical_value, _SWAMPED * max(of_others, default=0.0), _SWAMPED_FAR * largest)
-    of_image = np.zeros(1 + int(image.max(initial=0)))
-    np.maximum.at(of_image, image, of_rays)
+    of_image, large = np.zeros(1 + int(image.max(initial=0))), of_rays > everywhere  # no others matter
+    np.maximum.at(of_image, image[large], of_rays[large])
     least_of_others = max(critical_value, _SWAMPED * largest)
     return (
         np.maximum(everywhere, _SWAMPED * of_image[image]),

@@ -193,13 +193,11 @@ def _intersected(
     suspicions = check_orientations(given, rays, state, len(points), limits, residuals)
 
     residual_px = residuals.residual_px
-    largest = np.zeros(len(points))
-    np.maximum.at(largest, rays.point, np.nan_to_num(np.hypot(residual_px[:, 0], residual_px[:, 1])))
+    largest = _largest(rays.point, np.nan_to_num(np.hypot(residual_px[:, 0], residual_px[:, 1])), len(points))
     status = np.array([STATUS[code] for code in IntersectionStatus], dtype=object)[intersection.status]
     usable = intersection.usable
     status[usable & (intersection.angle < np.deg2rad(checks.min_intersection_angle_deg))] = WEAK_ANGLE
-    allowed = np.zeros(len(points))
-    np.maximum.at(allowed, rays.point, limits.of_image_px[rays.image])
+    allowed = _largest(rays.point, limits.of_image_px[rays.image], len(points))
     status[usable & (largest > 4.0 * allowed)] = MISMATCH
     x_in_local = np.where(usable[:, None], intersection.object_point, np.nan)
     count = np.bincount(rays.point, minlength=len(points)).astype(np.int64)
@@ -219,6 +217,13 @@ def _intersected(
         tuple(suspicions),
         tuple(remarks),
     )
+
+
+def _largest(point: Ints, values: Floats, points: int) -> Floats:
+    """The largest of the values (n,) of every object point (m,), sorted by point; 0 without any."""
+    first, largest = np.flatnonzero(np.diff(point, prepend=-1)), np.zeros(points)
+    largest[point[first]] = np.maximum.reduceat(values, first)
+    return largest
 
 
 def _take_surveyed(

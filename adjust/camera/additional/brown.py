@@ -55,9 +55,10 @@ def _basis(length: Length) -> Basis:
         x, y = xy[:, 0], xy[:, 1]
         square = x * x + y * y
         radial = {"K1": square, "K2": square * square, "K3": square * square * square}
-        result = np.zeros((len(xy), 2, len(names)))
-        for column, name in enumerate(names):
-            correction, f = result[:, :, column], factor[name]
+        # Column after column, as they are made.
+        result = np.zeros((len(names), len(xy), 2))
+        for correction, name in zip(result, names, strict=True):
+            f = factor[name]
             match name:
                 case "K1" | "K2" | "K3":
                     correction[:] = (f * radial[name])[:, None] * xy
@@ -69,7 +70,7 @@ def _basis(length: Length) -> Basis:
                     correction[:, 0] = x
                 case "B2":
                     correction[:, 0] = y
-        return result
+        return np.moveaxis(result, 0, 2)
 
     return basis
 
