@@ -15,6 +15,7 @@ from tests.conftest import REPOSITORY
 LOCKS = sorted(path.name for path in REPOSITORY.glob("requirements*.lock"))
 #: Installed besides: this package in place, and the peer of the benchmarks.
 BESIDES = {"setuptools", "aerocal", "pycolmap"}
+CLASSIFIER = "Programming Language :: Python :: 3."
 
 
 def locked(name: str) -> dict[str, str]:
@@ -70,6 +71,14 @@ def test_everything_the_package_declares_is_locked_in_a_version_it_takes() -> No
 
 
 def test_everything_that_is_needed_by_what_is_locked_is_locked_too() -> None:
+    """Whatever the Python: what a lock lacks is found by a user of another one, when it is imported."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    versions = [f"3.{text.removeprefix(CLASSIFIER)}" for text in project["classifiers"] if CLASSIFIER in text]
+    assert len(versions) > 1
+    pythons = [
+        {"extra": "", "python_version": version, "python_full_version": f"{version}.0"}
+        for version in versions
+    ]
     for lock in ("requirements.lock", "requirements-dev.lock"):
         wanted = locked(lock)
         for one in distributions():
@@ -77,5 +86,5 @@ def test_everything_that_is_needed_by_what_is_locked_is_locked_too() -> None:
                 continue
             for text in one.requires or ():
                 needed = Requirement(text)
-                if needed.marker is None or needed.marker.evaluate({"extra": ""}):
+                if needed.marker is None or any(needed.marker.evaluate(python) for python in pythons):
                     assert canonicalize_name(needed.name) in wanted, f"{lock}: {one.metadata['Name']}: {text}"

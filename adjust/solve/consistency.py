@@ -10,6 +10,7 @@ rounding, one too large what is not linear; wrong derivatives differ at every si
 
 from __future__ import annotations
 
+from inspect import getattr_static
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,12 +81,15 @@ def refuse_others_than(block: Block, observations: Observations) -> None:
             _refuse_wrong_equations(block, block.approximate_state(), group)
 
 
-def _refuse_no_group(group: object) -> None:
+def _refuse_no_group(group: ObservationGroup) -> None:
     """Refuse what is no group of observations, or numbers its events and object points with no array."""
-    if not isinstance(group, ObservationGroup):
-        missing = [name for name in dir(ObservationGroup) if name[0] != "_" and not hasattr(group, name)]
+    # As isinstance looks for them from Python 3.12 on, and where a second object point is looked for.
+    public = [name for name in dir(ObservationGroup) if name[0] != "_"]
+    missing = [name for name in public if getattr_static(group, name, None) is None]
+    if missing:
+        unseen = " What its `__getattr__` returns does not count." if hasattr(group, missing[0]) else ""
         raise InconsistentBlockError(
-            f"A {type(group).__name__} is no group of observations: it has no {', '.join(missing)}."
+            f"A {type(group).__name__} is no group of observations: it has no {', '.join(missing)}.{unseen}"
         )
     for name in ("event", "point"):
         index = getattr(group, name)

@@ -9,6 +9,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from datetime import date
 from pathlib import Path
 
@@ -362,7 +363,7 @@ def test_an_edited_registry_is_named_and_not_used(filled: Console) -> None:
     assert sound.exit_code == 0
     state = sound.stdout.split("State ")[1].split()[0]
     assert filled("verify", "--since", state).exit_code == 0
-    with sqlite3.connect(filled.registry) as connection:
+    with closing(sqlite3.connect(filled.registry)) as connection, connection:
         connection.execute(
             "UPDATE calibrations SET content = replace(content, '79.99', '79.98') WHERE id = 2"
         )
@@ -381,7 +382,7 @@ def test_a_file_that_is_no_database_is_said_to_be_none(console: Console, tmp_pat
     text.write_text("no database " * 100)
     assert "not a SQLite database" in error(console("list", "--registry", text))
     other = tmp_path / "other.sqlite"
-    with sqlite3.connect(other) as connection:
+    with closing(sqlite3.connect(other)) as connection, connection:
         connection.execute("CREATE TABLE somebody (x)")
     calibration = tmp_path / "calibration.json"
     calibration.write_text(record().text)

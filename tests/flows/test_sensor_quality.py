@@ -7,6 +7,7 @@ import json
 import re
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -230,7 +231,7 @@ def test_the_registry_keeps_results_and_says_what_has_changed(
     assert "Radiometric results of Sensor" in call("list")
     assert "radiometric results: 2" in call("verify")
     # What somebody edits behind its back shows.
-    with sqlite3.connect(registry) as connection:
+    with closing(sqlite3.connect(registry)) as connection, connection:
         connection.execute("UPDATE radiometric_results SET content = replace(content, 'Sensor', 'Other')")
     assert "its values do not match its seal" in call("verify", code=2)
 

@@ -82,8 +82,9 @@ class Connecting:
 
     group: Any
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.group, name)
+    def __post_init__(self) -> None:
+        its = {name: getattr(self.group, name) for name in dir(self.group) if name[0] != "_"}
+        self.__dict__.update({name: value for name, value in its.items() if name not in vars(Connecting)})
 
     def without(self, rejected: Any) -> Any:
         return replace(self, group=self.group.without(rejected))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -304,7 +305,7 @@ def test_stac_items_hold_the_true_orientation_in_the_map(above, tilt):
 def test_layers_of_a_geopackage(above, tilt, tmp_path):
     results, points = flown(Flight(above, tilt))
     write(delivered(results, points, "geopackage"), "geopackage", tmp_path)
-    with sqlite3.connect(tmp_path / "block.gpkg") as connection:
+    with closing(sqlite3.connect(tmp_path / "block.gpkg")) as connection:
         layers = [row[0] for row in connection.execute("SELECT table_name FROM gpkg_contents ORDER BY rowid")]
         cameras = connection.execute("SELECT * FROM cameras").fetchall()
         rings = connection.execute("SELECT geom, ground_m FROM footprints").fetchall()
@@ -338,7 +339,7 @@ def test_a_local_block_has_an_engineering_crs(tmp_path):
     results, _ = flown(Flight())
     local = replace(results, images=replace(results.images, map_frame=LOCAL, frame=CartesianFrame()))
     write(delivered(local, no_points(), "geopackage"), "geopackage", tmp_path)
-    with sqlite3.connect(tmp_path / "block.gpkg") as connection:
+    with closing(sqlite3.connect(tmp_path / "block.gpkg")) as connection:
         names = connection.execute("SELECT srs_id, definition_12_063 FROM gpkg_spatial_ref_sys").fetchall()
         (used,) = connection.execute("SELECT DISTINCT srs_id FROM gpkg_contents").fetchone()
     definition = dict(names)[used]

@@ -7,7 +7,7 @@ import json
 import re
 import sqlite3
 import zipfile
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from io import BytesIO, StringIO
 
@@ -245,7 +245,7 @@ def test_tie_points_of_opf_are_turned_to_y_up_and_back_by_their_matrix():
 
 
 def test_vectors_have_the_length_of_their_difference_in_plan():
-    with sqlite3.connect(":memory:") as connection:
+    with closing(sqlite3.connect(":memory:")) as connection:
         connection.deserialize(next(iter(files_of("geopackage").values())))
         lengths = [
             plan
