@@ -9,7 +9,9 @@ import logging
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial, wraps
+from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 import httpx
 
@@ -19,8 +21,7 @@ from flows.server.roots import Roots
 from flows.server.settings import Settings, settings_of_runner
 from flows.serving.deployed import STORIES, clean_up, inbox, recalibration_due
 from flows.serving.fork import ForkingStarter
-from tasks.errors import InputError
-from tasks.plain_text import visible
+from flows.serving.readable import FOLDERS, Readable, folders_of
 
 from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
 from prefect import Flow  # isort: skip
@@ -83,48 +84,19 @@ class DrainingRunner(Runner):
         if self._roots is not None:
             poller = self._scheduled_run_poller
             found = poller._get_scheduled_flow_runs
-            vars(poller)["_get_scheduled_flow_runs"] = Readable(self._roots).only(found)
+            vars(poller)["_get_scheduled_flow_runs"] = Readable(self._roots, self._folders).only(found)
         return self
+
+    async def _folders(self) -> dict[UUID, tuple[Path, ...]]:
+        """By deployment, the folders that its server takes relative paths from."""
+        found = await self._client.read_deployments(deployment_filter=_ours())
+        return {one.id: folders_of(one.parameter_openapi_schema or {}) for one in found}
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
         """Stop looking for runs; the context of the runner then waits for those that have started."""
         _log.info("stopping: finishing current runs, starting no new ones")
         assert self._loop is not None
         self._loop.call_soon_threadsafe(self._loops_task_group.cancel_scope.cancel)
-
-
-class Readable:
-    """The runs of projects that a runner can read; the others are left to other runners, and said once."""
-
-    def __init__(self, roots: Roots) -> None:
-        self._roots, self._told = roots, set[str]()
-
-    def only(self, found: Callable[[], Awaitable[list[FlowRun]]]) -> Callable[[], Awaitable[list[FlowRun]]]:
-        """The question for scheduled runs, answered with readable ones only."""
-
-        async def asked() -> list[FlowRun]:
-            # Not in the loop, which a share that does not answer would stop.
-            return await asyncio.to_thread(self._of, await found())
-
-        return asked
-
-    def _of(self, runs: Sequence[FlowRun]) -> list[FlowRun]:
-        return [run for run in runs if self._reads(str(run.parameters.get("project", "")))]
-
-    def _reads(self, project: str) -> bool:
-        try:
-            self._roots.project_file(project)
-        except InputError:
-            if project not in self._told:
-                folders = ", ".join(map(str, self._roots.folders))
-                _log.warning(
-                    "a run of %s is left to other runners: this one can read projects in %s only (--root)",
-                    visible(project),
-                    folders,
-                )
-            self._told.add(project)
-            return False
-        return True
 
 
 async def _flow_of_ours(_run: FlowRun) -> Flow[..., Any]:
@@ -147,27 +119,28 @@ def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitabl
 
 def deployments(settings: Settings) -> list[RunnerDeployment]:
     """The deployments for these options; to be called outside an event loop."""
-    made = [_of(story, MANUAL, "Started manually.") for story in STORIES]
+    of = partial(_of, settings.roots)
+    made = [of(story, MANUAL, "Started manually.") for story in STORIES]
     by = partial(Cron, timezone=settings.timezone)
     if settings.inbox is not None:
         story = next(one for one in STORIES if one.name == settings.story)
-        made.append(_of(story, ON_DELIVERY, "Started for each complete delivery of the inbox."))
+        made.append(of(story, ON_DELIVERY, "Started for each complete delivery of the inbox."))
         words = "Searches the inbox and starts runs for new deliveries."
         schedule = by(settings.cron) if settings.cron else None
-        made.append(_of(inbox, NIGHTLY, words, schedule=schedule, parameters={"story": settings.story}))
+        made.append(of(inbox, NIGHTLY, words, schedule=schedule, parameters={"story": settings.story}))
     if settings.recalibration_cron is not None:
         words, schedule = (
             "Searches the registry for calibrations that are due.",
             by(settings.recalibration_cron),
         )
-        made.append(_of(recalibration_due, RECALIBRATION_DUE, words, schedule=schedule))
+        made.append(of(recalibration_due, RECALIBRATION_DUE, words, schedule=schedule))
     if settings.keep_days is not None:
         parameters = {"keep_days": settings.keep_days}
-        made.append(_of(clean_up, CLEAN_UP, "Every night.", schedule=by(_DAILY), parameters=parameters))
+        made.append(of(clean_up, CLEAN_UP, "Every night.", schedule=by(_DAILY), parameters=parameters))
     return made
 
 
-def _of(story: Any, name: str, description: str, **more: Any) -> RunnerDeployment:
+def _of(roots: Roots, story: Any, name: str, description: str, **more: Any) -> RunnerDeployment:
     made: RunnerDeployment = story.to_deployment(
         name,
         description=f"{story.description} {description}",
@@ -178,12 +151,14 @@ def _of(story: Any, name: str, description: str, **more: Any) -> RunnerDeploymen
     schema = made._parameter_openapi_schema
     # Said, not left to its default: what is not set is not sent.
     made._parameter_openapi_schema = _ClosedSchema(
-        **schema.model_dump(exclude_unset=True), additionalProperties=False
+        **schema.model_dump(exclude_unset=True),
+        additionalProperties=False,
+        **{FOLDERS: list(map(str, roots.folders))},
     )
     return made
 
 
-class _ClosedSchema(ParameterSchema):
+class _ClosedSchema(ParameterSchema, extra="allow"):
     """A schema that permits no other parameters: the server refuses a run with unknown ones."""
 
     additionalProperties: bool  # noqa: N815

@@ -186,10 +186,10 @@ def engines_of(runner: int) -> list[int]:
 
 
 @contextmanager
-def further_runner(server: Served, *options: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A second runner for a server; killed afterwards."""
-    root = server.folder / "root"
-    command = [sys.executable, "-m", "flows.command", "runner", "--root", str(root), *options]
+def further_runner(server: Served, *options: str, root: str = "root") -> Iterator[subprocess.Popen[bytes]]:
+    """A second runner for a server, for one of its folders; killed afterwards."""
+    folder = str(server.folder / root)
+    command = [sys.executable, "-m", "flows.command", "runner", "--root", folder, *options]
     printed = server.folder / "printed-runner"
     with printed.open("wb") as stream:
         process = subprocess.Popen(command, stdout=stream, stderr=stream, env=server.environment)

@@ -170,6 +170,22 @@ def test_a_further_runner_leaves_deliveries_of_an_inbox_that_it_does_not_have(se
     assert server.ended(run["id"])["state_name"] == "Completed"
 
 
+def test_a_relative_path_is_that_of_the_server_for_a_further_runner(server: Served) -> None:
+    write_block(server.folder / "inbox" / "block")
+    own = server.group_of("flows.serving.deployments")
+    os.killpg(own, signal.SIGSTOP)
+    try:
+        with further_runner(server, root="inbox"):
+            run = server.start(MANUAL, {"project": "block", "output": "relative"})
+            log = server.folder / "state" / "logs" / "runner-2.log"
+            until(lambda: "a run of block is left to other runners" in log.read_text(), 60)
+    finally:
+        os.killpg(own, signal.SIGCONT)
+    assert server.ended(run)["state_name"] == "Completed"
+    root = server.folder / "root"
+    assert recorded(server, run).project_file == str(root / "block" / "project.toml")
+
+
 def test_the_automation_for_silent_runs_is_there_once(server: Served) -> None:
     found = server.api.post("/automations/filter", {"automations": {"name": {"any_": [AUTOMATION]}}})
     assert [one["actions"][0]["state"] for one in found] == ["CRASHED"]
