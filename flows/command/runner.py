@@ -68,9 +68,8 @@ def runner(
 
     def carry_out() -> int:
         from flows.server.settings import settings_of
-        from flows.serving.serve import run_further_runner, work_for
+        from flows.serving.serve import run_further_runner
 
-        url, settings = work_for(given.pop("server"), settings_of(given))
-        return run_further_runner(url, settings, say)
+        return run_further_runner(given.pop("server"), settings_of(given), say)
 
     end_with(carry_out)

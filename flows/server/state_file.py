@@ -65,6 +65,17 @@ def find_server(folder: Path | None = None) -> RunningServer | None:
     return replace(server, alive=_is_locked(folder / "serve.lock"))
 
 
+def has_moved(server: RunningServer | None, folder: Path) -> bool:
+    """Whether this server runs at another address or with other records now; None has not."""
+    found = find_server(folder)
+    return (
+        server is not None
+        and found is not None
+        and found.alive
+        and (found.url, found.records) != (server.url, server.records)
+    )
+
+
 def _is_locked(file: Path) -> bool:
     try:
         handle = os.open(file, os.O_RDONLY)

@@ -19,6 +19,7 @@ from prefect import Flow, flow
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.objects import FlowRun, State
 from prefect.runtime import flow_run
+from prefect.settings import get_current_settings
 from prefect.states import Completed, Failed
 from pydantic import AfterValidator, Field
 
@@ -44,6 +45,7 @@ from flows.server.roots import (
 )
 from flows.server.run_form import RunForm
 from flows.serving.registered import identity, show, state_of
+from flows.serving.telling import told_for_a_while
 from tasks.errors import AerocalError, InputError
 from tasks.files.installation import InstallationError
 from tasks.production.records import configured_records
@@ -51,6 +53,9 @@ from tasks.results.retention import KEEP_DAYS
 from tasks.settings.registry import registry_address
 
 _HOUR_S = 3600
+#: How long a run that has ended tries to tell a server that does not answer, s: twice as long as Prefect
+#: repeats a request (after 2, 4, 8, … s).
+TELLING_S = 2.0 ** (get_current_settings().client.max_retries + 2)
 _log = logging.getLogger("aerocal")
 
 ProjectParameter = Annotated[str, Field(min_length=1, max_length=1000)]
@@ -113,7 +118,8 @@ def _confined(
         out = roots.output_folder(file, output)
         address = configured_results(file, output, roots)
         request = requested(file, out, settings.overrides(), roots=roots.folders, address=address)
-        outcome = carry_out_recorded(story_named(story), request, identity())
+        with told_for_a_while(TELLING_S):
+            outcome = carry_out_recorded(story_named(story), request, identity())
     except (InputError, InstallationError) as error:
         run = refused_run(about, state_name(error), str(error), identity())
         if isinstance(error, InputError):
@@ -131,7 +137,8 @@ def _failed(error: AerocalError) -> State[None]:
 def _search(about: str, search: Callable[[], Sequence[str]]) -> State[None]:
     """A run that is of no project: its sentences; nobody would hear of its failure otherwise."""
     try:
-        sentences = search()
+        with told_for_a_while(TELLING_S):
+            sentences = search()
     except (InputError, InstallationError) as error:
         tell_without_record(identity(), about, state_name(error), str(error))
         return _failed(error)

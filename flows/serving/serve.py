@@ -37,6 +37,7 @@ from flows.server.state_file import (
     RunningServer,
     bring_password_to,
     find_server,
+    has_moved,
     keep_link,
     make_private,
     password_of,
@@ -58,6 +59,8 @@ from tasks.store.run_lock import lock_if_free
 _START_S = 240.0
 #: Seconds between two looks into the outbox.
 _NOTICES_S = 2.0
+#: Seconds between two looks of a further runner whether its server answers.
+_SILENCE_S = 20.0
 #: Of the folder for temporary files, bytes: sockets of Python's fork server (`flows.serving.fork`) lie in it,
 #: and their paths have 107 at most (unix(7)).
 _LONGEST_TEMPORARY = 75
@@ -260,8 +263,12 @@ class _Serving:
         return _stopped(runner, self.requests, self.say)
 
 
-def _look_after(supervised: Sequence[Supervised | DatabaseClaim], requests: Requests) -> None:
-    while not requests.come.wait(1.0):
+def _look_after(
+    supervised: Sequence[Supervised | DatabaseClaim],
+    requests: Requests,
+    is_over: Callable[[], bool] = lambda: False,
+) -> None:
+    while not requests.come.wait(1.0) and not is_over():
         for one in supervised:
             one.look()
 
@@ -302,30 +309,65 @@ def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
     return url, replace(settings, database=records, overview=page, registers=False)
 
 
-def run_further_runner(url: str, settings: Settings, say: Say) -> int:
+def run_further_runner(server: str | None, settings: Settings, say: Say) -> int:
     """Carry out runs of a server until asked to end; returns the exit code.
+
+    If it was not named, and comes back under another address, it is followed there.
+
+    Parameters
+    ----------
+    server : as of `work_for`, whose errors are raised, too.
 
     Raises
     ------
     InstallationError
         If server or records cannot be reached, or the runner ends again and again.
     """
-    _prepared(settings)
-    bring_password_to(url, settings.state)
-    require_server(url)
+    with requests_to_end() as requests, ExitStack() as at_end:
+        name = None
+        while not requests.come.is_set():
+            followed = None if server_address(server) else find_server(settings.state)
+            url, completed = work_for(server, settings)
+            _prepared(completed)
+            name = name or at_end.enter_context(_own_name(settings.state))
+            bring_password_to(url, settings.state)
+            require_server(url)
+            _work(url, completed, name, requests, say, followed)
+            # It may be away again when the last run has ended.
+            _look_after((), requests, lambda: _is_there(settings.state))
+    return 0
+
+
+def _is_there(state: Path) -> bool:
+    found = find_server(state)
+    return found is not None and found.alive and Api(found.url).is_well()
+
+
+def _work(
+    url: str, settings: Settings, name: str, requests: Requests, say: Say, followed: RunningServer | None
+) -> None:
+    """Carry out runs of a server until asked to end, or until it is to be followed to another place."""
     api, lifeline = Api(url, os.environ.get(CLIENT_PASSWORD)), Lifeline()
-    with requests_to_end() as requests, _own_name(settings.state) as name:
-        start = partial(_start_runner, settings, api, lifeline, name=name)
-        runner = Supervised("runner", start, say, api.is_well)
-        try:
-            say(f"Working for {url}; log: {runner.child.log}")
-            say(_places(settings))
-            say(_READY)
-            _look_after([runner], requests)
-            return _stopped(runner, requests, say)
-        finally:
-            runner.end()
-            lifeline.release()
+    trouble = "No runs are taken until the server answers"
+    trouble += "" if followed else " (if it has another address now, restart this runner with --server)"
+    silence = Repeated(lambda _is_over: api.get("/health"), _SILENCE_S, say, trouble, grace_s=0.0)
+    runner = Supervised(
+        "runner", partial(_start_runner, settings, api, lifeline, name=name), say, api.is_well
+    )
+    try:
+        say(f"Working for {url}; log: {runner.child.log}")
+        say(_places(settings))
+        say(_READY)
+        with silence:
+            _look_after([runner], requests, lambda: has_moved(followed, settings.state))
+        if not requests.come.is_set():
+            say("The server has another address or database now; it is followed after the current runs.")
+            runner.drain(requests)
+        else:
+            _stopped(runner, requests, say)
+    finally:
+        runner.end()
+        lifeline.release()
 
 
 @contextmanager

@@ -186,21 +186,28 @@ def engines_of(runner: int) -> list[int]:
 
 
 @contextmanager
-def further_runner(server: Served, *options: str, root: str = "root") -> Iterator[subprocess.Popen[bytes]]:
-    """A second runner for a server, for one of its folders; killed afterwards."""
+def further_runner(
+    server: Served, *options: str, root: str = "root", **variables: str
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A second runner for a server, for one of its folders and with these variables; killed afterwards."""
     folder = str(server.folder / root)
     command = [sys.executable, "-m", "flows.command", "runner", "--root", folder, *options]
     printed = server.folder / "printed-runner"
     with printed.open("wb") as stream:
-        process = subprocess.Popen(command, stdout=stream, stderr=stream, env=server.environment)
+        process = subprocess.Popen(
+            command, stdout=stream, stderr=stream, env={**server.environment, **variables}
+        )
     log = server.folder / "state" / "logs" / "runner-2.log"
     try:
         until(lambda: "Ready." in printed.read_text() and log.is_file(), START_S, process)
         yield process
     finally:
-        if process.poll() is None:
-            process.terminate()
-            process.wait(60)
+        # A second request ends the runs, too.
+        for _ in range(2):
+            if process.poll() is None:
+                process.terminate()
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(30)
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from flows.server.prefect_settings import server_to_report_to
 from flows.server.state_file import (
     RunningServer,
     find_server,
+    has_moved,
     keep_link,
     make_private,
     the_only_server,
@@ -34,6 +35,19 @@ def test_a_server_is_found_while_it_lives_and_gone_afterwards(tmp_path: Path) ->
         write_state(tmp_path, SERVER)
         assert find_server(tmp_path) == SERVER
     assert find_server(tmp_path) is None
+
+
+@pytest.mark.parametrize("change", [{"url": "http://127.0.0.1:10/api"}, {"records": "postgresql://other"}])
+def test_a_server_has_moved_once_it_lives_elsewhere(tmp_path: Path, change: dict[str, str]) -> None:
+    with the_only_server(tmp_path):
+        write_state(tmp_path, SERVER)
+        write_state(tmp_path, replace(SERVER, pid=1))
+        assert not has_moved(SERVER, tmp_path)
+        write_state(tmp_path, replace(SERVER, **change))  # type: ignore[arg-type]
+        assert has_moved(SERVER, tmp_path)
+        assert not has_moved(None, tmp_path)
+    write_state(tmp_path, replace(SERVER, **change))  # type: ignore[arg-type]
+    assert not has_moved(SERVER, tmp_path), "it has ended"
 
 
 def test_the_state_file_is_private(tmp_path: Path) -> None:
