@@ -51,8 +51,9 @@ def prepare_prefect(server: str | None = None) -> None:
     os.environ["PREFECT_RESULTS_PERSIST_BY_DEFAULT"] = "false"
     os.environ.setdefault("PREFECT_FLOWS_HEARTBEAT_FREQUENCY", str(HEARTBEAT_S))
     # A server that is started again, or whose database is, answers within a minute or two; until then a
-    # state is offered to it again and again (after 2, 4, 8, … s).
-    os.environ.setdefault("PREFECT_CLIENT_MAX_RETRIES", "6")
+    # state is offered to it again and again (after 2, 4, 8, … s). A command keeps somebody waiting, and its
+    # end is on record.
+    os.environ.setdefault("PREFECT_CLIENT_MAX_RETRIES", "6" if server is None else "4")
     os.environ.setdefault("PREFECT_CLIENT_RETRY_EXTRA_CODES", "500")
     # A log of a server that runs for months has dates.
     os.environ.setdefault("PREFECT_LOGGING_FORMATTERS_STANDARD_DATEFMT", "%Y-%m-%d %H:%M:%S")

@@ -53,9 +53,9 @@ from tasks.results.retention import KEEP_DAYS
 from tasks.settings.registry import registry_address
 
 _HOUR_S = 3600
-#: How long a run that has ended tries to tell a server that does not answer, s: twice as long as Prefect
-#: repeats a request (after 2, 4, 8, … s).
-TELLING_S = 2.0 ** (get_current_settings().client.max_retries + 2)
+#: How long a run that has ended tries to tell a server that does not answer, s. Prefect repeats a request
+#: after 2, 4, 8, … s, each up to a fifth shorter; after the last one it would report what is done as failed.
+TELLING_S = 0.75 * (2.0 ** (get_current_settings().client.max_retries + 1) - 2.0)
 _log = logging.getLogger("aerocal")
 
 ProjectParameter = Annotated[str, Field(min_length=1, max_length=1000)]

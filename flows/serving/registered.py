@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from uuid import UUID
 
+import httpx
+
 from flows.server.prefect_settings import prepare_prefect
 
 prepare_prefect()
@@ -16,16 +18,30 @@ from prefect import flow
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import ArtifactCreate
 from prefect.client.schemas.objects import State
+from prefect.events.clients import PrefectEventsClient
+from prefect.events.worker import EventsWorker
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed, raise_state_exception
 
 from flows.runs.project_run import RunOutcome, RunRequest, Story
 from flows.runs.recorded_run import FlowRunIdentity, carry_out_recorded, configured_overview, ended_run
+from flows.server.api import configured_api
+from tasks.files.installation import InstallationError
 from tasks.production.run_record import RunRecord
 from tasks.production.short_text import text_key, text_line, text_of
 
 _HOUR_S = 3600
 _log = logging.getLogger("aerocal")
+
+
+def _without_traceback(said: logging.LogRecord) -> bool:
+    """That a server does not answer is no defect; the log has one line of it."""
+    if said.exc_info and isinstance(said.exc_info[1], httpx.HTTPError):
+        said.exc_info = None
+    return True
+
+
+logging.getLogger("prefect.flow_runs").addFilter(_without_traceback)
 
 
 def state_of(outcome: RunOutcome) -> State[None]:
@@ -67,31 +83,55 @@ def run_and_report(request: RunRequest, name: str, story: Callable[[], Story]) -
 
     Raises
     ------
+    InstallationError
+        If the server does not answer any more before the run begins.
     Exception
         What ended the flow without an outcome, as it was raised (a full disk, a defect).
     """
     ended: list[RunOutcome] = []
+    failed: list[Exception] = []
 
     def run(project_file: str, out: str | None, overrides: list[str], data: str | None) -> State[None]:  # noqa: ARG001 - shown by the server
-        outcome = carry_out_recorded(story(), request, identity(deployed=False))
-        show(ended_run(outcome, identity()))
-        ended.append(outcome)
-        return state_of(outcome)
+        try:
+            ended.append(carry_out_recorded(story(), request, identity(deployed=False)))
+        except Exception as error:
+            failed.append(error)
+            raise
+        show(ended_run(ended[0], identity()))
+        return state_of(ended[0])
 
     file, place = request.project_file.absolute(), request.place
     run.__name__ = name
-    state = flow(
+    made = flow(
         name=name.replace("_", "-"),
         flow_run_name=lambda: f"{file.parent.name}/{file.name}",
         timeout_seconds=(24 if name == "scenario_sweep" else 12) * _HOUR_S,
         persist_result=False,
-    )(run)(
-        str(file),
-        None if place is None else str(place.absolute() if isinstance(place, Path) else place),
-        list(request.overrides),
-        None if request.data is None else str(request.data.absolute()),
-        return_state=True,
-    )
+    )(run)
+    out = None if place is None else str(place.absolute() if isinstance(place, Path) else place)
+    data = None if request.data is None else str(request.data.absolute())
+    try:
+        state = made(str(file), out, list(request.overrides), data, return_state=True)
+    except httpx.HTTPError as error:
+        server = configured_api().url
+        _tell_no_more()
+        if failed:
+            raise failed[0] from None
+        if not ended:
+            remedy = "Start it, or run in process with --server none."
+            raise InstallationError(f"The server {server} does not answer ({error}).", remedy) from error
+        _log.warning("the server %s does not answer; how this run ended was not reported to it", server)
+        return ended[0]
     if not ended:
         raise_state_exception(state)
     return ended[0]
+
+
+def _tell_no_more() -> None:
+    """Try only once to send the events that still wait, each of which would take Prefect seconds."""
+    for name in ("prefect.events.clients", "prefect._internal.concurrency"):
+        logging.getLogger(name).disabled = True
+    for worker in list(EventsWorker._instances.values()):  # type: ignore[misc] # of all classes
+        client = getattr(worker, "_client", None)
+        if isinstance(client, PrefectEventsClient):
+            client._reconnection_attempts = 0

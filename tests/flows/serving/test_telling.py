@@ -84,3 +84,13 @@ def test_other_processes_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None
     with told_for_a_while(0.0):
         pass
     assert threading.active_count() == before
+
+
+def test_it_ends_before_prefect_would_report_a_failure() -> None:
+    from prefect.settings import get_current_settings
+
+    from flows.serving.deployed import TELLING_S
+
+    settings = get_current_settings().client
+    pauses = (2.0**number for number in range(1, settings.max_retries + 1))
+    assert 10.0 < TELLING_S < (1.0 - settings.retry_jitter_factor) * sum(pauses)
