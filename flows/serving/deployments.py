@@ -21,7 +21,8 @@ from flows.server.roots import Roots
 from flows.server.settings import Settings, settings_of_runner
 from flows.serving.deployed import STORIES, clean_up, inbox, recalibration_due
 from flows.serving.fork import ForkingStarter
-from flows.serving.readable import FOLDERS, Readable, folders_of
+from flows.serving.readable import Readable
+from flows.serving.served_places import ServedPlaces, places_of, told, told_by
 
 from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
 from prefect import Flow  # isort: skip
@@ -90,7 +91,8 @@ class DrainingRunner(Runner):
     async def _folders(self) -> dict[UUID, tuple[Path, ...]]:
         """By deployment, the folders that its server takes relative paths from."""
         found = await self._client.read_deployments(deployment_filter=_ours())
-        return {one.id: folders_of(one.parameter_openapi_schema or {}) for one in found}
+        places = {one.id: told_by(one.parameter_openapi_schema) for one in found}
+        return {one: place.folders for one, place in places.items() if place is not None}
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
         """Stop looking for runs; the context of the runner then waits for those that have started."""
@@ -119,7 +121,7 @@ def _patient(question: Callable[..., Awaitable[None]]) -> Callable[..., Awaitabl
 
 def deployments(settings: Settings) -> list[RunnerDeployment]:
     """The deployments for these options; to be called outside an event loop."""
-    of = partial(_of, settings.roots)
+    of = partial(_of, places_of(settings))
     made = [of(story, MANUAL, "Started manually.") for story in STORIES]
     by = partial(Cron, timezone=settings.timezone)
     if settings.inbox is not None:
@@ -140,7 +142,7 @@ def deployments(settings: Settings) -> list[RunnerDeployment]:
     return made
 
 
-def _of(roots: Roots, story: Any, name: str, description: str, **more: Any) -> RunnerDeployment:
+def _of(places: ServedPlaces, story: Any, name: str, description: str, **more: Any) -> RunnerDeployment:
     made: RunnerDeployment = story.to_deployment(
         name,
         description=f"{story.description} {description}",
@@ -153,7 +155,7 @@ def _of(roots: Roots, story: Any, name: str, description: str, **more: Any) -> R
     made._parameter_openapi_schema = _ClosedSchema(
         **schema.model_dump(exclude_unset=True),
         additionalProperties=False,
-        **{FOLDERS: list(map(str, roots.folders))},
+        **told(places),
     )
     return made
 

@@ -1,7 +1,7 @@
 """The runs that a further runner can take: those of projects that it can read, and that it knows.
 
 A relative path is that of the first folder of the server that has it. A runner with other folders may find
-another project at the same path, or none; so the deployments say which folders their server has.
+another project at the same path, or none.
 """
 
 from __future__ import annotations
@@ -11,10 +11,8 @@ import logging
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 from uuid import UUID
-
-from pydantic import TypeAdapter, ValidationError
 
 from flows.server.roots import Roots
 from tasks.errors import InputError
@@ -25,18 +23,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger("aerocal")
 
-#: Key of the folders in the schema of a deployment's parameters, which keeps what it does not know.
-FOLDERS = "relative_to"
-_FOLDERS = TypeAdapter(tuple[Path, ...])
-Folders = Mapping[UUID, tuple[Path, ...]]
-
-
-def folders_of(schema: Mapping[str, Any]) -> tuple[Path, ...]:
-    """The folders of the server that has registered a deployment with this schema, in their order."""
-    try:
-        return _FOLDERS.validate_python(schema.get(FOLDERS, ()))
-    except ValidationError:
-        return ()
+#: Those of the server, by deployment.
+Folders: TypeAlias = Mapping[UUID, tuple[Path, ...]]
 
 
 class Readable:

@@ -45,6 +45,7 @@ from flows.server.state_file import (
     write_state,
 )
 from flows.server.watch import Repeated, Watch
+from flows.serving.served_places import places_of, require_same, told_by
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError, writing_into
 from tasks.plain_text import visible
@@ -320,6 +321,8 @@ def run_further_runner(server: str | None, settings: Settings, say: Say) -> int:
 
     Raises
     ------
+    InputError
+        If it has no registry, or another address of results, in contrast to the server.
     InstallationError
         If server or records cannot be reached, or the runner ends again and again.
     """
@@ -332,10 +335,20 @@ def run_further_runner(server: str | None, settings: Settings, say: Say) -> int:
             name = name or at_end.enter_context(_own_name(settings.state))
             bring_password_to(url, settings.state)
             require_server(url)
+            _require_same_places(url, completed)
             _work(url, completed, name, requests, say, followed)
             # It may be away again when the last run has ended.
             _look_after((), requests, lambda: _is_there(settings.state))
     return 0
+
+
+def _require_same_places(url: str, settings: Settings) -> None:
+    """Make sure that the server has told no other places; it may not have told any yet."""
+    api = Api(url, os.environ.get(CLIENT_PASSWORD))
+    deployment = api.get(f"/deployments/name/{settings.story}/{MANUAL}")
+    places = None if deployment is None else told_by(deployment.get("parameter_openapi_schema"))
+    if places is not None:
+        require_same(places_of(settings), places)
 
 
 def _is_there(state: Path) -> bool:

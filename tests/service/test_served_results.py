@@ -52,6 +52,16 @@ def artifacts(server: Served, run: str) -> dict[str, Any]:
     return {one["key"].partition("triangulation-")[2]: one for one in found}
 
 
+def test_a_further_runner_that_would_store_no_results_is_refused(server: Served) -> None:
+    command = [sys.executable, "-m", "flows.command", "runner", "--root", str(server.folder / "root")]
+    done = subprocess.run(
+        command, env=server.environment, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 2
+    assert f"stores results at {STORAGE}, and this runner at no address." in done.stderr
+    assert "--results" in done.stderr
+
+
 def test_a_failed_gate_is_told_and_shown(server: Served, receiver: WebReceiver) -> None:
     settings = {"sigma0_limit": 0.71}
     run = server.start(MANUAL, {"project": "block", "settings": settings, "output": "strict"})

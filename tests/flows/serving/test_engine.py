@@ -47,20 +47,21 @@ def test_parameters_that_it_takes_are_not(output: str) -> None:
     assert trouble_in(clean_up, {"keep_days": 3}) is None
 
 
-def test_every_deployment_refuses_unknown_parameters_and_says_what_paths_are_relative_to() -> None:
+def test_every_deployment_refuses_unknown_parameters_and_tells_the_places_of_its_server() -> None:
     from flows.server.roots import Roots
     from flows.server.settings import Settings
     from flows.serving.deployments import deployments
-    from flows.serving.readable import folders_of
+    from flows.serving.served_places import places_of, told_by
 
     roots = Roots((Path("/data/b"), Path("/data/a")))
-    made = deployments(Settings(roots, Path(), inbox=Path(), recalibration_cron="0 6 * * 1", keep_days=9))
+    settings = Settings(roots, Path(), inbox=Path(), recalibration_cron="0 6 * * 1", keep_days=9)
+    made = deployments(settings)
     assert len(made) == 8
     for one in made:
         schema = one._parameter_openapi_schema.model_dump(mode="json", exclude_unset=True)
         assert (schema["additionalProperties"], one.enforce_parameter_schema) == (False, True), one.name
         # For further runners.
-        assert folders_of(schema) == roots.folders
+        assert told_by(schema) == places_of(settings)
 
 
 @pytest.mark.parametrize(
