@@ -34,7 +34,9 @@ _LOCK_NUMBERS = {"kind": 0x6165726F, "lock": 0x73657276}
 _TRY = text("SELECT pg_try_advisory_lock(:kind, :lock)")
 _HOLDER = text(
     "SELECT application_name FROM pg_stat_activity JOIN pg_locks USING (pid) "
-    "WHERE locktype = 'advisory' AND classid = :kind AND objid = :lock AND objsubid = 2"
+    "WHERE locktype = 'advisory' AND classid = :kind AND objid = :lock AND objsubid = 2 "
+    # A server has a lock of this number in each of its databases.
+    "AND database = (SELECT oid FROM pg_database WHERE datname = current_database())"
 )
 # A server whose machine has failed is let go after a minute, not after the two hours of most systems.
 _KEEPALIVE = {"tcp_keepalives_idle": "30", "tcp_keepalives_interval": "10", "tcp_keepalives_count": "3"}
@@ -127,6 +129,31 @@ def only_server_of(records: Records, say: Say) -> Iterator[DatabaseClaim]:
             yield claim
     finally:
         claim.release()
+
+
+def require_server_of(records: Records, seconds: float = 2.0 * _EVERY_S) -> None:
+    """Make sure that a server uses a PostgreSQL database; nobody else looks at what is recorded there.
+
+    Parameters
+    ----------
+    seconds : how long a server is waited for, which claims its database again after a restart of it.
+
+    Raises
+    ------
+    InstallationError
+        If none does, or the database cannot be reached.
+    """
+    if records.address.is_file:
+        return
+    until = time.monotonic() + seconds
+    with in_words(records.address), records.engine.connect() as connection:
+        while connection.execute(_HOLDER, _LOCK_NUMBERS).first() is None:
+            if time.monotonic() >= until:
+                raise InstallationError(
+                    f"No server uses the database {records.address}.",
+                    "Give the --database with which the server was started.",
+                )
+            time.sleep(0.2)
 
 
 def _is_alive(connection: Connection) -> bool:

@@ -23,7 +23,7 @@ from zoneinfo import ZoneInfo
 
 from flows.server.api import Api
 from flows.server.child import Child, Lifeline, Requests, Say, Supervised, requests_to_end
-from flows.server.claims import DatabaseClaim, claimed, only_server_of
+from flows.server.claims import DatabaseClaim, claimed, only_server_of, require_server_of
 from flows.server.inbox import MANUAL
 from flows.server.prefect_settings import prepare_prefect, require_server, server_address
 from flows.server.server_process import (
@@ -291,7 +291,8 @@ def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
     Raises
     ------
     InputError
-        If there is none, or one on another machine and no database that both reach.
+        If there is none, or one on another machine and no database that both reach, or the database is
+        another one than that of the server.
     """
     found = find_server(settings.state)
     local = found if found is not None and found.alive else None
@@ -304,6 +305,12 @@ def work_for(server: str | None, settings: Settings) -> tuple[str, Settings]:
         raise InputError(
             f"The database of the server {url} is not known.",
             "Give the --database with which it was started; from another machine it must be PostgreSQL.",
+        )
+    of_server = records if local is None or local.records is None else local.records
+    # PostgreSQL has many addresses (`require_server_of`).
+    if records != of_server and not all("://" in one for one in (records, of_server)):
+        raise InputError(
+            f"The server {url} has its records in {of_server}, not in {records}.", "Omit --database."
         )
     overview = os.environ.get(OVERVIEW_VARIABLE) or (None if local is None else local.overview)
     page = ServerAddress("", 0, overview)
@@ -331,6 +338,7 @@ def run_further_runner(server: str | None, settings: Settings, say: Say) -> int:
         while not requests.come.is_set():
             followed = None if server_address(server) else find_server(settings.state)
             url, completed = work_for(server, settings)
+            require_server_of(Records.at(completed.records))
             _prepared(completed)
             name = name or at_end.enter_context(_own_name(settings.state))
             bring_password_to(url, settings.state)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from flows.server.claims import DatabaseClaim, only_server_of
+from flows.server.claims import DatabaseClaim, only_server_of, require_server_of
 from tasks.files.installation import InstallationError
 from tasks.production.records import Records
 from tests.conftest import Start
@@ -42,6 +42,32 @@ def test_a_second_server_is_refused_until_the_first_has_ended(
     for _ in range(2):
         with only_server_of(Records.at(url), print):
             pass
+
+
+@pytest.mark.service
+def test_the_server_that_is_named_is_that_of_the_same_database(
+    postgresql: PostgresqlServer, start: Start
+) -> None:
+    urls = (postgresql.url(), postgresql.copied("template0", "another"))
+    holders = [
+        start(sys.executable, "-c", HOLDING, url, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        for url in urls
+    ]
+    for holder, url in zip(holders, urls, strict=True):
+        assert holder.stdout is not None
+        holder.stdout.readline()
+        with pytest.raises(InstallationError, match=rf"process {holder.pid}\)"):
+            DatabaseClaim(Records.at(url)).take()
+
+
+@pytest.mark.service
+def test_a_further_runner_is_refused_on_a_database_that_no_server_uses(postgresql: PostgresqlServer) -> None:
+    records = Records.at(postgresql.url())
+    another = Records.at(postgresql.copied("template0", "another"))
+    with only_server_of(records, print):
+        require_server_of(records)
+        with pytest.raises(InstallationError, match=r"No server uses the database .*/another\. .*--database"):
+            require_server_of(another, 0.0)
 
 
 @pytest.mark.service

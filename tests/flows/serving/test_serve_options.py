@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,14 @@ from sqlalchemy.engine import make_url
 from flows.server.door import door_of
 from flows.server.server_process import CLIENT_PASSWORD, SERVER_PASSWORD, ServerAddress, server_environment
 from flows.server.settings import Settings, settings_of, settings_of_runner
-from flows.server.state_file import kept_password, password_of
+from flows.server.state_file import (
+    RunningServer,
+    kept_password,
+    password_of,
+    the_only_server,
+    write_state,
+)
+from flows.serving.serve import work_for
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError
 from tests.ports import free_port
@@ -249,3 +257,21 @@ def test_a_path_for_temporary_files_that_is_too_long_for_a_socket_is_refused_wit
     assert done.returncode == 1
     assert "Set TMPDIR to a folder with a shorter path." in " ".join(done.stderr.split())
     assert not (tmp_path / "state").exists()
+
+
+@pytest.mark.parametrize("records", ["{state}/records.sqlite", "postgresql://me@here/aerocal"])
+def test_a_further_runner_has_the_records_of_its_server(tmp_path: Path, records: str) -> None:
+    state = tmp_path / "state"
+    given = options(tmp_path, state=state)
+    with the_only_server(state):
+        server = RunningServer(LOCAL.api, os.getpid(), records.format(state=state))
+        write_state(state, server)
+        assert work_for(None, given)[1].database == server.records
+        for database in ("postgresql://me@elsewhere/aerocal", str(tmp_path / "other.sqlite")):
+            settings = replace(given, database=database)
+            if "://" in records and "://" in database:
+                # It may be the same under another name.
+                assert work_for(None, settings)[1].database == database
+                continue
+            with pytest.raises(InputError, match=f"has its records in {server.records}, not in {database}"):
+                work_for(None, settings)
