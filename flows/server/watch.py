@@ -146,7 +146,7 @@ def begin_again(api: Api, records: Records) -> tuple[RunRecord, ...]:
     """Schedule the runs again that are due (`tasks.production.run_record`).
 
     One that belongs to no deployment (it was started by a command, which has ended with it) cannot be started
-    by a runner; it stays as it ended.
+    by a runner, and one that was cancelled since is not to be; it stays as it ended.
 
     Returns
     -------
@@ -164,7 +164,7 @@ def begin_again(api: Api, records: Records) -> tuple[RunRecord, ...]:
     begun = []
     for run in due:
         found = known.get(run.id)
-        if found is None or not found.deployed:
+        if found is None or not found.deployed or found.end == "Cancelled":
             records.give_up(run.id)
         elif found.type in ("CRASHED", "FAILED") and records.begin_again(run, _MESSAGE):
             # Whoever has got the record may tell the server: nobody else will.

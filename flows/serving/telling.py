@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from flows.server.api import Api, configured_api
+from flows.server.settings import SETTINGS_VARIABLE
 
 _log = logging.getLogger("aerocal")
 
@@ -36,8 +37,9 @@ def told_for_a_while(seconds: float) -> Iterator[None]:
     try:
         yield
     finally:
-        # Set by whoever has started the process for this run and nothing else.
-        if "PREFECT__FLOW_RUN_ID" in os.environ:
+        # Set by our runner in a process that it has started for this run and nothing else. Of what Prefect's
+        # own workers start, nobody may look into the record.
+        if {"PREFECT__FLOW_RUN_ID", SETTINGS_VARIABLE} <= os.environ.keys():
             threading.Thread(target=_leave, args=(configured_api(), seconds), daemon=True).start()
 
 

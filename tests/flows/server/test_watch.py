@@ -18,7 +18,7 @@ from flows.server.api import Api
 from flows.server.inbox import Scheduled
 from flows.server.roots import Roots
 from flows.server.settings import Settings
-from flows.server.watch import died_here, lives_here, reconcile
+from flows.server.watch import begin_again, died_here, lives_here, reconcile
 from tasks.files.machine import machine
 from tasks.production.records import Records
 from tasks.production.run_record import RunRecord
@@ -84,6 +84,19 @@ def test_a_run_that_is_cancelled_before_it_notes_its_beginning_is_on_record(tmp_
     found = records.run("one")
     assert found is not None
     assert (found.state, found.project) == ("Cancelled", "block-7")
+
+
+def test_a_run_that_is_cancelled_while_it_waits_to_be_restarted_is_given_up(tmp_path: Path) -> None:
+    records = Records.at(str(tmp_path / "records.db"))
+    project = Path("/data/block-7/project.toml")
+    records.begin(RunRecord.of("one", project, "aerial-triangulation", "Running"))
+    records.end("one", "Crashed", "It was killed.", may_pass=True)
+    assert records.due(datetime.now(UTC) + timedelta(seconds=1))
+    assert begin_again(OneRun("http://127.0.0.1:9/api"), records) == ()
+    assert not records.due(datetime.now(UTC) + timedelta(seconds=1))
+    found = records.run("one")
+    assert found is not None
+    assert found.message == "It was killed. It is not restarted automatically."
 
 
 def test_a_large_delivery_that_is_read_does_not_hold_up_the_watch_over_runs(

@@ -11,6 +11,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
+from flows.server.settings import SETTINGS_VARIABLE
 from flows.serving.telling import told_for_a_while
 from tests.conftest import Start
 
@@ -47,6 +48,7 @@ def ended_run(start: Start, server: HTTPServer, seconds: float, rest: str = "") 
     variables = {
         **os.environ,
         "PREFECT__FLOW_RUN_ID": "of-the-run",
+        SETTINGS_VARIABLE: "of-the-runner",
         "PREFECT_API_URL": f"http://127.0.0.1:{server.server_port}/api",
     }
     program = _RUN.format(seconds=seconds, rest=rest)
@@ -78,8 +80,11 @@ def test_one_that_has_told_everything_ends_at_once(start: Start, server: HTTPSer
     assert ended_run(start, server, 60.0, "0").wait(20.0) == 0
 
 
-def test_other_processes_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("PREFECT__FLOW_RUN_ID", raising=False)
+@pytest.mark.parametrize("variable", ["PREFECT__FLOW_RUN_ID", SETTINGS_VARIABLE])
+def test_other_processes_are_left_alone(monkeypatch: pytest.MonkeyPatch, variable: str) -> None:
+    for name in ("PREFECT__FLOW_RUN_ID", SETTINGS_VARIABLE):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(variable, "of-a-command-or-a-worker")
     before = threading.active_count()
     with told_for_a_while(0.0):
         pass
