@@ -220,19 +220,30 @@ class Supervised:
         now = time.monotonic()
         if self._again is not None:
             if now >= self._again and self._may_start():
-                self._again = None
-                self.child = self._start()
+                self._start_again(now)
         elif self.child.ended:
             # What it has started works for nobody any more, and would stand next to what is started next.
             self.child.end_group(0.0)
-            self._ends = [*(end for end in self._ends if now - end < _PATIENCE.total_s), now]
-            if len(self._ends) >= _ENDS:
-                raise self._given_up()
-            pause_s = _PATIENCE.pause_s(len(self._ends))
-            self._again = now + pause_s
-            self._say(f"The {self.name} has stopped unexpectedly; it is restarted in {pause_s:.0f} s.")
+            self._wait(now, "has stopped unexpectedly")
         else:
             self.child.begin_log_anew()
+
+    def _start_again(self, now: float) -> None:
+        try:
+            self.child = self._start()
+        except OSError as error:
+            # The memory that ended it may be short for a while, too.
+            self._wait(now, f"cannot be started ({error.strerror or error})")
+        else:
+            self._again = None
+
+    def _wait(self, now: float, what: str) -> None:
+        self._ends = [*(end for end in self._ends if now - end < _PATIENCE.total_s), now]
+        if len(self._ends) >= _ENDS:
+            raise self._given_up()
+        pause_s = _PATIENCE.pause_s(len(self._ends))
+        self._again = now + pause_s
+        self._say(f"The {self.name} {what}; it is restarted in {pause_s:.0f} s.")
 
     def _given_up(self) -> InstallationError:
         return InstallationError(
