@@ -338,12 +338,12 @@ def run_further_runner(server: str | None, settings: Settings, say: Say) -> int:
         while not requests.come.is_set():
             followed = None if server_address(server) else find_server(settings.state)
             url, completed = work_for(server, settings)
-            require_server_of(Records.at(completed.records))
-            _prepared(completed)
-            name = name or at_end.enter_context(_own_name(settings.state))
             bring_password_to(url, settings.state)
             require_server(url)
+            require_server_of(Records.at(completed.records))
             _require_same_places(url, completed)
+            _prepared(completed)
+            name = name or at_end.enter_context(_own_name(settings.state))
             _work(url, completed, name, requests, say, followed)
             # It may be away again when the last run has ended.
             _look_after((), requests, lambda: _is_there(settings.state))
