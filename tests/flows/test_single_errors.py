@@ -280,6 +280,7 @@ def test_drifts_that_a_narrow_field_of_view_hardly_separates_are_named_together(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_drifts_of_attitudes_are_found_as_often_as_stated(tmp_path: Path) -> None:
     """40 blocks, without a drift, and with one of the size that is found with a probability of 80 %."""
     trials, squares, false_alarms, named = 40, [], 0, []
