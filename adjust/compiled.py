@@ -16,6 +16,7 @@ import hashlib
 import logging
 import math
 import os
+import stat
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -49,7 +50,7 @@ def source_digest() -> str:
 
 
 def _cache_folder() -> Path:
-    """A writable folder for the machine code of exactly these sources.
+    """The folder for the machine code of exactly these sources.
 
     AEROCAL_KERNEL_CACHE names another parent folder; where the user's cache cannot be written the
     system's temporary folder serves.
@@ -57,12 +58,28 @@ def _cache_folder() -> Path:
     named = os.environ.get("AEROCAL_KERNEL_CACHE")
     parent = Path(named) if named else Path(platformdirs.user_cache_dir("aerocal")) / "kernels"
     folder = parent / source_digest()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError:
-        return Path(tempfile.gettempdir()) / f"aerocal-kernels-{os.getuid()}" / folder.name
+    with suppress(OSError):
+        return _made(folder)
+    with suppress(OSError):
+        return _made(_own_temporary_folder() / folder.name)
+    return folder
+
+
+def _made(folder: Path) -> Path:
+    """The folder, after a file was made in it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):
+        return folder
+
+
+def _own_temporary_folder() -> Path:
+    """A temporary folder that no other user may have written into: what lies there is executed."""
+    folder = Path(tempfile.gettempdir()) / f"aerocal-kernels-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
+        raise PermissionError
+    return folder
 
 
 CACHE_FOLDER = _cache_folder()
@@ -84,7 +101,7 @@ class KernelPlace(caching.UserProvidedCacheLocator):
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> Any:
         """The place of a kernel; None for functions of others, which numba then looks after itself."""
         ours = Path(py_file).resolve().is_relative_to(_SOURCES)
-        return super().from_function(py_func, py_file) if ours else None  # type: ignore[no-untyped-call]
+        return cls(py_func, py_file) if ours else None
 
 
 # As NUMBA_CACHE_LOCATOR_CLASSES would set it.
@@ -93,9 +110,43 @@ numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]
 )
 
 
+class KernelCache(caching.FunctionCache):
+    """The stored machine code of a kernel. What cannot be read or stored is compiled."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The machine code for a signature; None if there is none, or none that can be read."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except Exception:
+            # A power cut leaves empty and cut files, which numba would neither take nor ever replace.
+            with suppress(OSError):
+                self.flush()  # type: ignore[no-untyped-call]
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Store the machine code for a signature."""
+        try:
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        except OSError as error:
+            _tell_what_prevents_storing(error.strerror)
+
+
+@cache
+def _tell_what_prevents_storing(reason: str | None) -> None:
+    _log.warning(
+        "compiled kernels cannot be stored in %s (%s), so that every run compiles them again (some 20 s). "
+        "Set AEROCAL_KERNEL_CACHE to a folder that can be written",
+        CACHE_FOLDER,
+        reason,
+    )
+
+
 def is_warm() -> bool:
-    """Whether machine code of these sources exists; otherwise the first run compiles them."""
-    return next(CACHE_FOLDER.rglob("*.nbi"), None) is not None
+    """Whether machine code of these sources exists; otherwise the first run compiles them.
+
+    What a simulation has compiled is little.
+    """
+    return any(file.parent.name != "simulate" for file in CACHE_FOLDER.glob("*/*.nbi"))
 
 
 # C does not call any kernel, so none is compiled for it a second time.
@@ -104,7 +155,7 @@ _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wra
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function of arrays and numbers on its first call; cached, no fastmath, GIL released."""
-    return _compiled_once(numba.njit(cache=True, **_OPTIONS)(function))
+    return _compiled_once(numba.njit(**_OPTIONS)(function))
 
 
 def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -112,7 +163,7 @@ def small_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
     A call hands over every array as seven numbers: for one ray that would cost more than the lines do.
     """
-    return _compiled_once(numba.njit(cache=True, forceinline=True, **_OPTIONS)(function))
+    return _compiled_once(numba.njit(forceinline=True, **_OPTIONS)(function))
 
 
 def _compiled_once(dispatcher: Any) -> Callable[..., Any]:
@@ -127,6 +178,9 @@ def _compiled_once(dispatcher: Any) -> Callable[..., Any]:
                 return own_compile(signature)
 
         dispatcher.compile = compile_or_load
+        # There may be no place for a function of others; it is then compiled in every process.
+        with suppress(RuntimeError):
+            dispatcher._cache = KernelCache(dispatcher.py_func)  # type: ignore[no-untyped-call]
     kernel: Callable[..., Any] = dispatcher
     return kernel
 

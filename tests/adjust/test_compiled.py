@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import adjust
+from adjust import compiled
 
 # A kernel that calls another one of another file. Our own behave alike and take ten times as long to compile.
 CALLER = """
@@ -61,17 +62,24 @@ def environment_of(folder: Path, cache: Path) -> dict[str, str]:
     return {**os.environ, **own}
 
 
-def run(folder: Path, cache: Path, compiled: bool = True) -> tuple[str, list[float]]:
-    """Name of the cache folder and the heights, from a fresh process that has to compile or not."""
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
+def run_all(
+    folder: Path, cache: Path, program: str = PROGRAM, **variables: str
+) -> subprocess.CompletedProcess[str]:
+    """What a fresh process prints."""
+    return subprocess.run(
+        [sys.executable, "-c", program],
         cwd=folder,
-        env=environment_of(folder, cache),
+        env={**environment_of(folder, cache), **variables},
         capture_output=True,
         text=True,
         check=True,
         timeout=120,
     )
+
+
+def run(folder: Path, cache: Path, compiled: bool = True) -> tuple[str, list[float]]:
+    """Name of the cache folder and the heights, from a fresh process that has to compile or not."""
+    done = run_all(folder, cache)
     heights, compilations = done.stdout.splitlines()
     assert compilations == f"compiled: {int(compiled)}"
     name, *numbers = heights.split()
@@ -166,13 +174,56 @@ def test_a_cache_that_cannot_be_written_gives_way_to_the_temporary_folder(tmp_pa
     folder, occupied = copy_of_adjust(tmp_path / "sources"), tmp_path / "a_file"
     occupied.write_text("not a folder")
     program = "from adjust.compiled import CACHE_FOLDER; print(CACHE_FOLDER)"
-    environment = {**environment_of(folder, occupied), "TMPDIR": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_all(folder, occupied, program, TMPDIR=str(tmp_path))
     assert Path(done.stdout.strip()).parent.parent == tmp_path
+
+
+def test_a_simulation_leaves_most_to_be_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled, "CACHE_FOLDER", tmp_path)
+    for part, warm in (("simulate", False), ("georeferencing", True)):
+        (tmp_path / part).mkdir()
+        (tmp_path / part / "kernel-1.py311.nbi").touch()
+        assert compiled.is_warm() is warm
+
+
+@pytest.mark.parametrize("others", ["may write there", "have linked it"])
+def test_machine_code_of_a_temporary_folder_that_is_not_ours_alone_is_not_loaded(
+    tmp_path: Path, others: str
+) -> None:
+    folder, occupied = copy_of_adjust(tmp_path / "sources"), tmp_path / "a_file"
+    occupied.write_text("not a folder")
+    temporary = tmp_path / f"aerocal-kernels-{os.getuid()}"
+    if others == "have linked it":
+        (tmp_path / "theirs").mkdir()
+        temporary.symlink_to(tmp_path / "theirs")
+    else:
+        temporary.mkdir()
+        temporary.chmod(0o777)
+    done = run_all(folder, occupied, TMPDIR=str(tmp_path))
+    assert done.stdout.splitlines()[1] == "compiled: 1"
+    assert not list(temporary.iterdir())
+    assert done.stderr.count("kernels cannot be stored") == 1
+    assert str(occupied) in done.stderr
+
+
+def test_machine_code_that_cannot_be_stored_is_compiled_in_every_process(tmp_path: Path) -> None:
+    folder, cache = copy_of_adjust(tmp_path / "sources"), tmp_path / "cache"
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
+    for _ in range(2):
+        done = run_all(folder, cache, program=full + PROGRAM)
+        assert done.stdout.endswith("100.0 200.0\ncompiled: 1\n")
+        assert done.stderr.count("kernels cannot be stored") == 1
+    assert "AEROCAL_KERNEL_CACHE" in done.stderr
+
+
+@pytest.mark.parametrize(("damaged", "left"), [("*.nbi", 0), ("*.nbc", 100)])
+def test_damaged_machine_code_is_compiled_afresh(tmp_path: Path, damaged: str, left: int) -> None:
+    # After a power cut, files may be empty or end early.
+    folder, cache = copy_of_adjust(tmp_path / "sources"), tmp_path / "cache"
+    sound = run(folder, cache)
+    files = list(cache.rglob(damaged))
+    assert files
+    for file in files:
+        os.truncate(file, left)
+    assert run(folder, cache) == sound
+    assert run(folder, cache, compiled=False) == sound
