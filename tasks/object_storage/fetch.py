@@ -108,7 +108,7 @@ def _bring(workspace: ObjectWorkspace, entry: PublishedEntry, directory: Path) -
                 f"{address}/{entry.object} is {wrong}.",
                 f"Run the project again with --out {address}: missing or damaged files are written again.",
             )
-        temporary.chmod(0o444)
+        temporary.chmod(temporary.stat().st_mode & 0o555)
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)

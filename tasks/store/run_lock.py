@@ -81,7 +81,7 @@ def _opened(directory: Path, roots: Sequence[Path]) -> Iterator[int]:
     """The file of the lock, inside the folders the run is confined to."""
     folder = directory.absolute() / ".store"
     with writing_into(folder):
-        handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+        handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         _require_inside(handle, directory, roots)
         yield handle

@@ -20,6 +20,7 @@ import errno
 import inspect
 import logging
 import os
+import secrets
 import shutil
 import tempfile
 import time
@@ -51,6 +52,7 @@ Outputs = dict[str, Artifact]
 STAGE_FILE = "stage.json"
 _UNFINISHED = ".unfinished-"
 _DISCARDED = ".discarded-"
+_READING = 0o555
 #: What reading an output that is not as it was written may end with.
 _DAMAGES = (OSError, ValueError, KeyError, TypeError)
 _log = logging.getLogger("aerocal")
@@ -170,8 +172,8 @@ class Store:
         paths = sorted(folder.iterdir(), key=lambda path: path.name)
         names = artifact_names([path.name for path in paths])
         for path in paths:
-            # From now on they do not change.
-            path.chmod(0o444)
+            # From now on they do not change. Who may read them is said by the umask.
+            path.chmod(path.stat().st_mode & _READING)
         # While the digests are made, the disk writes.
         with ThreadPoolExecutor(1) as disk, ThreadPoolExecutor(2) as digests:
             flushed = disk.map(_flush_file, paths)
@@ -189,7 +191,7 @@ class Store:
             "seconds": round(seconds, 3),
         }
         replace_json(folder / STAGE_FILE, record)
-        (folder / STAGE_FILE).chmod(0o444)
+        (folder / STAGE_FILE).chmod((folder / STAGE_FILE).stat().st_mode & _READING)
         _flush_folder(folder)
         place = self._place(key)
         while not _renamed(folder, place):
@@ -206,9 +208,10 @@ class Store:
 
     def unfinished(self, key: StageKey) -> Path:
         """A new folder for the unfinished output of `key`."""
-        parent = self.folder / key.stage
-        parent.mkdir(parents=True, exist_ok=True)
-        return Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=parent))
+        # Not of `tempfile`, whose folders are closed to colleagues who work in the same output folder.
+        folder = self.folder / key.stage / f"{_UNFINISHED}{secrets.token_hex(8)}"
+        folder.mkdir(parents=True)
+        return folder
 
     def _brought(self, key: StageKey) -> Outputs | None:
         assert self.remote is not None

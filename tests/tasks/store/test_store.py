@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import stat
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from tasks.errors import InputError
 from tasks.files.installation import InstallationError
 from tasks.settings.base import InputPath, Settings
 from tasks.store.artifact import Artifact, verified
+from tasks.store.run_lock import run_lock
 from tasks.store.stage_record import read_records
 from tasks.store.store import Store, stored
 
@@ -236,6 +238,21 @@ def test_an_argument_without_content_is_refused(store: Store) -> None:
 def test_stored_files_are_read_only(store: Store, delivery: Delivery) -> None:
     path = read_numbers(store, delivery=delivery)["numbers"].path
     assert path.stat().st_mode & 0o222 == 0
+
+
+@pytest.mark.parametrize("mask", [0o002, 0o027, 0o077])
+def test_who_may_use_stored_outputs_is_said_by_the_umask(delivery: Delivery, tmp_path: Path, mask: int) -> None:
+    before = os.umask(mask)
+    try:
+        path = read_numbers(Store.of(tmp_path / "results"), delivery=delivery)["numbers"].path
+        with run_lock(tmp_path / "results"):
+            pass
+    finally:
+        os.umask(before)
+    modes = {place: stat.S_IMODE(place.stat().st_mode) for place in (path.parent, *path.parent.iterdir())}
+    assert modes.pop(path.parent) == 0o777 & ~mask
+    assert set(modes.values()) == {0o444 & ~mask}
+    assert stat.S_IMODE((tmp_path / "results" / ".store" / "lock").stat().st_mode) == 0o666 & ~mask
 
 
 def test_of_two_that_compute_the_same_the_first_to_finish_stays(store: Store) -> None:
