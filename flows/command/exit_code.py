@@ -53,6 +53,11 @@ def end_with(action: Callable[[], int]) -> NoReturn:
             raise
         complain(sentence)
         code = DEFECT
+    except PermissionError as error:
+        if error.filename is None:
+            raise
+        complain(f"{error.filename}: {error.strerror}. Correct the permissions, or choose another place.")
+        code = DEFECT
     except AerocalError as error:
         complain(str(error))
         kinds = ((InputError, INPUT_ERROR), (NotComputableError, NOT_COMPUTABLE))

@@ -230,7 +230,10 @@ def carry_out(story: Story, request: RunRequest) -> RunOutcome:
     InstallationError
         If the machine prevents the run (full disk, no permission, object storage that does not answer).
     """
-    trouble = trouble_of_folder(request.directory) or foreign_document(request.directory)
+    try:
+        trouble = trouble_of_folder(request.directory) or foreign_document(request.directory)
+    except InputError as error:
+        trouble = error
     if trouble is not None:
         # There, its summary cannot be written either.
         return RunOutcome(request, failed_summary("input_error", (str(trouble),), {}), str(trouble))

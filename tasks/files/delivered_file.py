@@ -163,9 +163,17 @@ def require_folder(folder: Path) -> None:
 
 
 def is_there(path: Path) -> bool:
-    """Whether there is anything at a path; False for an impossible path."""
+    """Whether there is anything at a path; False for an impossible path.
+
+    Raises
+    ------
+    InputError
+        If a folder on the way to it may not be entered.
+    """
     try:
         path.stat()
+    except PermissionError as error:
+        raise _unreadable(path, error) from error
     except (OSError, ValueError):
         return False
     return True

@@ -26,12 +26,13 @@ from tasks.coordinates.crs import MapFrame
 from tasks.coordinates.local_frame import local_frame, local_from_grid, local_from_map
 from tasks.deliveries.cameras import frame_cameras
 from tasks.errors import InputError, Location
+from tasks.files.delivered_file import is_there
 from tasks.files.json_text import from_json
 from tasks.georeferencing.calibrated_cameras import calibrated_cameras
 from tasks.georeferencing.calibration import SurveyedControl, calibration_of
 from tasks.handover.rig_heads import RigHeads, rig_heads
 from tasks.handover.rigorous import OrientedImages
-from tasks.results.manifest import read_manifest
+from tasks.results.manifest import MANIFEST, read_manifest
 from tasks.settings.adjustment import ResidualGridSettings
 from tasks.settings.project import ProjectSettings
 from tasks.tables.foreign import read_foreign_table
@@ -253,7 +254,7 @@ def _mean_residuals(camera: str, grids: pd.DataFrame) -> CorrectionField | None:
 
 def _stated(folder: Path) -> tuple[ProjectSettings, MapFrame, bool, Interpolation]:
     """Its project, the CRS of its results, whether refraction was corrected, interpolation of residuals."""
-    manifest = read_manifest(folder)
+    manifest = read_manifest(folder) if is_there(folder / MANIFEST) else None
     if manifest is None:
         raise Location(folder).error("There are no results of a run.", _REMEDY)
     settings = cast("dict[str, dict[str, object]]", dict(manifest.settings))

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import cast
 
 from tasks.errors import InputError
+from tasks.files.delivered_file import is_there
 from tasks.files.json_text import read_json
 from tasks.results.manifest import MANIFEST, Manifest
 from tasks.results.summary import SUMMARY
@@ -59,7 +60,7 @@ def foreign_document(directory: Path) -> InputError | None:
     """The refusal of a folder with a summary.json or manifest.json of somebody else; None: there is none."""
     for name in (SUMMARY, MANIFEST):
         path = directory / name
-        if path.exists() and not _is_ours(path):
+        if is_there(path) and not _is_ours(path):
             return would_be_lost(path)
     return None
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -159,6 +161,47 @@ def test_an_output_folder_that_is_a_file_ends_with_2(
     assert done.returncode == 2
     assert f"{tmp_path / 'taken'}: This is a file, not a folder." in one_line_error(done)
     assert (tmp_path / "taken").read_text() == ""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "PRIVATE/project.toml"), ("sweep", "PRIVATE/project.toml"),
+        ("doctor", "PRIVATE/project.toml"),
+        ("plan", "PRIVATE/plan.toml"), ("convert", "PRIVATE/project.toml", "--to", "colmap"),
+        ("run", "BLOCK", "--out", "PRIVATE"), ("run", "BLOCK", "--out", "PRIVATE/further/down"),
+        ("image-quality", "PRIVATE/a.tif"), ("undistort", "PRIVATE/results", "a.tif"),
+        ("export", "PRIVATE/results", "--to", "patb"), ("figures", "PRIVATE/results"),
+        ("registry", "add", "PRIVATE/results", "--registry", "PRIVATE/r.sqlite"),
+    ],
+    ids=" ".join,
+)  # fmt: skip
+def test_a_folder_that_may_not_be_entered_is_one_sentence(
+    words: tuple[str, ...], block: Path, tmp_path: Path
+) -> None:
+    private = tmp_path / "private"
+    private.mkdir(mode=0)
+    places = {"BLOCK": str(block), "PRIVATE": str(private)}
+    with permissions_of_an_ordinary_user():
+        done = aerocal(*(re.sub("BLOCK|PRIVATE", lambda found: places[found[0]], word) for word in words))
+    assert done.returncode in (1, 2)
+    assert f"{private}" in one_line_error(done)
+    assert "ermission denied" in done.stderr
+
+
+@contextmanager
+def permissions_of_an_ordinary_user() -> Iterator[None]:
+    """Without the capabilities (capabilities(7)) by which permissions do not hold for root."""
+    libc, header, sets = ctypes.CDLL(None), (ctypes.c_uint32 * 2)(0x20080522), (ctypes.c_uint32 * 6)()
+    assert libc.capget(header, sets) == 0
+    effective = sets[0]
+    try:
+        sets[0] &= ~0b110
+        assert libc.capset(header, sets) == 0
+        yield
+    finally:
+        sets[0] = effective
+        assert libc.capset(header, sets) == 0
 
 
 @pytest.mark.parametrize("folder", ["s3://bucket/block", ""])

@@ -241,7 +241,9 @@ def test_stored_files_are_read_only(store: Store, delivery: Delivery) -> None:
 
 
 @pytest.mark.parametrize("mask", [0o002, 0o027, 0o077])
-def test_who_may_use_stored_outputs_is_said_by_the_umask(delivery: Delivery, tmp_path: Path, mask: int) -> None:
+def test_who_may_use_stored_outputs_is_said_by_the_umask(
+    delivery: Delivery, tmp_path: Path, mask: int
+) -> None:
     before = os.umask(mask)
     try:
         path = read_numbers(Store.of(tmp_path / "results"), delivery=delivery)["numbers"].path
