@@ -6,11 +6,16 @@ import errno
 import gc
 import os
 import sys
+from io import TextIOWrapper
 from pathlib import Path
 
+try:
+    _HERE = str(Path.cwd())
+except FileNotFoundError:
+    sys.exit("Error: The current folder does not exist any more. Change to another one, then run again.")
 # What lies in the folder of a delivery is data. This process may have been started with `python -m`, and
 # those it starts would look for modules there.
-if not sys.flags.safe_path and sys.path[0] in ("", str(Path.cwd())):
+if not sys.flags.safe_path and sys.path[0] in ("", _HERE):
     del sys.path[0]
 os.environ["PYTHONSAFEPATH"] = "1"
 if sys.platform == "win32":
@@ -33,6 +38,8 @@ def _command_line() -> None:
     keep_freed_memory()
     # Threads of the linear algebra would wait for the processors that ours use, here and in what this starts.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _require_paths_in_utf8()
+    _take_every_screen()
     from flows.command.main import app
 
     try:
@@ -48,6 +55,26 @@ def _command_line() -> None:
         sys.exit(
             f"Error: What was printed could not be written ({error.strerror}). Free some space and run again."
         )
+
+
+def _require_paths_in_utf8() -> None:
+    """End with exit code 2 if a path could not be stated in the results, which are in UTF-8."""
+    for text in (_HERE, *sys.argv[1:]):
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            print(f"Error: {text!a} is not UTF-8. Rename it, or set PYTHONUTF8=1 if it is.", file=sys.stderr)
+            sys.exit(2)
+
+
+def _take_every_screen() -> None:
+    """Print on screens with fewer characters than Unicode has, and on those of which no width is known."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        # As stderr does.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    if os.environ.get("COLUMNS") == "0":
+        # So docker and Emacs say that they do not know; Rich would print nothing.
+        del os.environ["COLUMNS"]
 
 
 def _flush() -> None:
