@@ -38,6 +38,7 @@ def _command_line() -> None:
     keep_freed_memory()
     # Threads of the linear algebra would wait for the processors that ours use, here and in what this starts.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _open_closed_streams()
     _require_paths_in_utf8()
     _take_every_screen()
     from flows.command.main import app
@@ -55,6 +56,13 @@ def _command_line() -> None:
         sys.exit(
             f"Error: What was printed could not be written ({error.strerror}). Free some space and run again."
         )
+
+
+def _open_closed_streams() -> None:
+    """Let streams that were closed lead nowhere; the next file that is opened would take their place."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), "r" if name == "stdin" else "w"))
 
 
 def _require_paths_in_utf8() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -58,3 +59,13 @@ def test_a_path_that_is_not_utf_8_is_one_sentence(where: str, block: Path, tmp_p
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "M\\udcfcller" in done.stderr
     assert not (folder / "results").exists()
+
+
+@pytest.mark.parametrize("streams", ["2>&-", ">&-", "<&- >&- 2>&-", "2>/dev/full", "2>&1 >/dev/null | :"])
+def test_a_run_whose_progress_nobody_can_read_is_carried_out(streams: str, warm_block: Path) -> None:
+    report = warm_block.parent / "results" / "report.html"
+    report.unlink()
+    program = f'{shlex.quote(sys.executable)} -m flows.command run "$1" {streams}'
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {program}", "sh", warm_block], check=False)
+    assert done.returncode == 0
+    assert report.exists()
