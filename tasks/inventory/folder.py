@@ -79,6 +79,7 @@ def begin_project(folder: Path) -> Inventory:
     read = map(recognised, _files(root, [folder for folder in results if folder != root]))
     files = (*read, *(FoundFile(folder, (), _RESULTS) for folder in sorted(results) if folder != root))
     _refuse_nothing(files, root)
+    _refuse_names(file.path for file in files if file.contents)
     text = project_text(root.name, files, root)
     # Whole or not at all: half of one would be a project file that is never overwritten.
     part = target.with_name(f".{PROJECT_FILE}.part")
@@ -122,6 +123,14 @@ def _refuse_nothing(files: Sequence[FoundFile], root: Path) -> None:
         f"None of the {len(files)} files has image points, exposures or a trajectory{shown}.",
         "Put the files of the delivery there; docs/import.md lists the formats that are read.",
     )
+
+
+def _refuse_names(paths: Iterable[Path]) -> None:
+    for path in paths:
+        try:
+            str(path).encode()
+        except UnicodeEncodeError as error:
+            raise Location(path).error("The name is not UTF-8.", "Rename the file.") from error
 
 
 _UNIT = "px, mm, um, centred-px or longer-side"

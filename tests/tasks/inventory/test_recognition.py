@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 
@@ -187,6 +188,17 @@ def test_a_second_orientation_of_the_same_images_is_left_to_a_person(tmp_path: P
     rest = "\n".join(line for line in text.splitlines() if not line.startswith("#"))
     assert begun.open_values == rest.count("DECLARE: ") < text.count('"DECLARE: ')
     assert '# file = "later.csv"' in text
+
+
+def test_a_name_that_a_project_file_cannot_state_is_refused(tmp_path: Path) -> None:
+    folder = delivery(tmp_path / "delivery")
+    (folder / os.fsdecode(b"pl\xe4ne.pdf")).write_text("")
+    table = next(folder.glob("*.csv")).rename(folder / os.fsdecode(b"pl\xe4ne.csv"))
+    with pytest.raises(InputError, match=r"pl\\udce4ne.csv: The name is not UTF-8. Rename the file."):
+        begin_project(folder)
+    assert not list(folder.glob("*project.toml*"))
+    table.rename(folder / "plans.csv")
+    begin_project(folder)
 
 
 def test_names_of_files_cannot_add_lines_to_the_project_file(tmp_path: Path) -> None:
