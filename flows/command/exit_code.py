@@ -53,6 +53,9 @@ def end_with(action: Callable[[], int]) -> NoReturn:
             raise
         complain(sentence)
         code = DEFECT
+    except MemoryError as error:
+        complain(f"There is not enough memory ({error or 'no more'}). Run again where there is more of it.")
+        code = DEFECT
     except PermissionError as error:
         if error.filename is None:
             raise

@@ -36,6 +36,7 @@ _REFUSED = {
     errno.ENAMETOOLONG,
     errno.EIO,
     errno.EINVAL,
+    errno.EFBIG,
     # The folder was removed meanwhile, or is in a place where none can be made (/proc).
     errno.ENOENT,
 }

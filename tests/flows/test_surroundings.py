@@ -8,7 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import typer
+
+from flows.command.exit_code import end_with
 
 
 def aerocal(
@@ -69,3 +73,24 @@ def test_a_run_whose_progress_nobody_can_read_is_carried_out(streams: str, warm_
     done = subprocess.run(["bash", "-c", f"set -o pipefail; {program}", "sh", warm_block], check=False)
     assert done.returncode == 0
     assert report.exists()
+
+
+def test_a_limited_size_of_files_is_one_sentence(block: Path) -> None:
+    limited = (
+        "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (2_000, 2_000))\n"
+        "from flows.command.__main__ import main; main()"
+    )
+    command = [sys.executable, "-c", limited, "run", str(block)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert "File too large" in done.stderr.splitlines()[-1]
+
+
+def test_too_little_memory_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit) as ended:
+        end_with(lambda: len(np.empty(2**57)))
+    assert ended.value.exit_code == 1
+    said = capsys.readouterr().err
+    assert said.startswith("Error: There is not enough memory (Unable to allocate 1.00 EiB")
+    assert len(said.splitlines()) == 1
