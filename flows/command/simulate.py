@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -88,5 +89,5 @@ def _write_simulation(source: str, out: Path, overrides: tuple[str, ...], seed: 
     )
     console.print(Text(counts))
     console.print(Text(f"The project is {files.project_file}; its truth is in {out / 'truth'}."))
-    console.print(Text(f"Adjust it with: aerocal run {files.project_file}"), soft_wrap=True)
+    console.print(Text(f"Adjust it with: aerocal run {quote(str(files.project_file))}"), soft_wrap=True)
     return DONE

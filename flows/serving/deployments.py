@@ -6,6 +6,7 @@ Prefect when imported, as the flows it serves do.
 
 import asyncio
 import logging
+import tempfile
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial, wraps
@@ -67,6 +68,8 @@ class DrainingRunner(Runner):
 
     def __init__(self, limit: int, roots: Roots | None = None) -> None:
         super().__init__(name="aerocal", pause_on_shutdown=False, limit=limit, query_seconds=_POLL_S)
+        # Prefect's own folder lies in one of the user who was the first to start a runner on this machine.
+        self._tmp_dir = Path(tempfile.mkdtemp(prefix="aerocal-runner-"))
         self._roots = roots
 
     async def __aenter__(self) -> "DrainingRunner":

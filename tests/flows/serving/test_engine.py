@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -76,3 +77,11 @@ def test_only_what_is_foreseen_is_no_error(message: str, level: int) -> None:
     record = logging.LogRecord("prefect.task_runs", logging.ERROR, "", 1, message, None, None)
     assert foreseen(record)
     assert record.levelno == level
+
+
+def test_runners_of_several_users_share_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from flows.serving.deployments import DrainingRunner
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folders = {DrainingRunner(1)._tmp_dir for _ in range(2)}
+    assert [folder.parent for folder in folders] == [tmp_path, tmp_path]
