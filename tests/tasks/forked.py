@@ -10,6 +10,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection as Pipe
 
 from tasks.errors import AerocalError
+from tasks.files.installation import InstallationError
 
 # Forked children need no second to import everything; each opens a connection of its own.
 FORK = multiprocessing.get_context("fork")
@@ -37,14 +38,14 @@ def in_processes(count: int, work: Callable[[int], object]) -> list[str]:
 
 
 def fails_with_files_of_at_most(size: int, work: Callable[[], object]) -> bool:
-    """Whether work ends with an OSError in a process whose files cannot be larger, as on a full disk."""
+    """Whether work fails in a process whose files cannot be larger, as on a full disk."""
 
     def run() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
         try:
             work()
-        except OSError:
+        except (OSError, InstallationError):
             os._exit(3)
         # Without what the process that was copied would do at its end.
         os._exit(0)
