@@ -40,13 +40,14 @@ class OffsetSeparation:
     verdict : ``body``: of a lever arm; ``map``: of a shift; ``both``; ``neither``: there is no offset;
         ``undecided``: there is one, and it cannot be determined which.
     tests : by what is tested: ``offset`` (anything at all), ``lever_arm`` (next to a shift), ``shift``
-    (next to
-        a lever arm), ``shift_by_flight``, ``lever_arm_by_flight`` and ``lever_arm_by_mounting`` (next to a
+        (next to a lever arm), ``shift_by_flight``, ``lever_arm_by_flight`` and ``lever_arm_by_mounting`` (next to a
         shift of each flight), ``roll_by_flight`` … ``yaw_by_mounting``.
-    lever_arm, shift : (2,) forward, right and east, north, metres, estimated together; the shift is that of
-        all flights. NaN where the headings do not separate them.
-    lever_arm_sigma, shift_sigma : (2,) their standard deviations.
-    freedom : degrees of freedom of these.
+    lever_arm, shift : (2,) forward, right and east, north, metres, estimated together. Where flights have
+        shifts that differ, the shift is the mean of those of all strips. NaN where the headings do not
+        separate them.
+    lever_arm_sigma, shift_sigma : (2,) their standard deviations; differences between flights count as
+        scatter in that of the shift.
+    freedom : degrees of freedom of that of the lever arm.
     """
 
     verdict: Verdict
@@ -93,11 +94,15 @@ def separated_offset(
     tests |= {f"{name}_by_flight": test for name, test in _of_angles(strips, main, strips.flight, errors)}
     every = np.ones_like(main)
     tests |= {f"{name}_by_mounting": test for name, test in _of_angles(strips, every, mounting, errors)}
-    fit = linear_fit(both, offset)
-    sigma = np.sqrt(np.diagonal(fit.covariance(both, known)))
-    separable = fit.freedom == len(offset) - 4
-    found, sigmas = (fit.solution, sigma) if separable else (np.full(4, np.nan), np.full(4, np.nan))
-    return OffsetSeparation(_verdict(tests), tests, found[2:], sigmas[2:], found[:2], sigmas[:2], fit.freedom)
+    fit, alike = linear_fit(together, offset), linear_fit(both, offset)
+    found = fit.solution[-2:]
+    left = (offset - lever_arm @ found).reshape(-1, 2).mean(axis=0)
+    sigma = np.sqrt(np.diagonal(fit.covariance(together, known)))[-2:]
+    # The scatter about one shift has in it how flights differ.
+    of_shift = np.sqrt(np.diagonal(alike.covariance(both, known)))[:2]
+    separable = fit.freedom == len(offset) - together.shape[1]
+    values = (item if separable else np.full(2, np.nan) for item in (found, sigma, left, of_shift))
+    return OffsetSeparation(_verdict(tests), tests, *values, fit.freedom)
 
 
 def _of_angles(

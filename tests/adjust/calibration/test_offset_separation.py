@@ -175,3 +175,29 @@ def test_what_a_design_leaves_open_is_not_estimable() -> None:
     contrasts = np.array([[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]])
     np.testing.assert_array_equal(estimable(design, contrasts), [False, True])
     assert linear_fit(design, np.ones(8)).freedom == 6
+
+
+def test_a_lever_arm_is_estimated_next_to_the_shifts_that_flights_have() -> None:
+    """Half a metre apart and more strips to the north than to the south: one shift would move it by 4 cm."""
+    shifts, true, squares = np.array([[0.3, -0.1], [-0.2, 0.2]]), [0.3, -0.2], []
+    for seed in range(100):
+        more = {"flights": (5, 4), "headings_deg": (0.0, 180.0, 0.0), "shifts": shifts}
+        found = separation(seed, true, **more)
+        assert (found.verdict, found.freedom) == ("both", 12)
+        assert np.all(found.lever_arm_sigma < 0.02)
+        squares.append(((found.lever_arm - true) / found.lever_arm_sigma) ** 2)
+        np.testing.assert_allclose(found.shift, np.array([5, 4]) @ shifts / 9.0, atol=0.03)
+        # How flights differ is a part of what is not known of the shift of all.
+        assert np.all(found.shift_sigma > 0.03)
+    assert np.mean(squares) == pytest.approx(12.0 / 10.0, abs=0.3)
+
+
+def test_shifts_of_flights_in_one_direction_each_leave_no_lever_arm() -> None:
+    """North, south, north: with a shift of each flight there is none, and with one for all a wrong one."""
+    heading = np.repeat([0.0, 180.0, 0.0], 5)
+    shifts = ((0.3, 0.0), (-0.2, 0.0), (0.1, 0.3))
+    found = separation(2, (0.3, 0.0), flights=(5, 5, 5), headings_deg=heading, shifts=shifts)
+    assert found.tests["shift_by_flight"].probability < 1e-6
+    assert found.verdict == "undecided"
+    for values in (found.lever_arm, found.lever_arm_sigma, found.shift, found.shift_sigma):
+        assert np.isnan(values).all()
