@@ -28,7 +28,7 @@ from adjust.arrays import Floats, Ints
 _INNER, _OUTER = float(special.ndtr(1.0)), 0.975
 # More degrees of freedom are as good as all.
 _MOST, _LEAST = 1e6, 0.5
-# χ² over its degrees of freedom, and at how many places; halvings of the range of s².
+# χ² of one degree of freedom, and at how many places; halvings of the range of s².
 _RANGE, _PLACES = (1e-10, 1e3), 300
 _HALVINGS = 60
 
@@ -92,8 +92,10 @@ def _mixture(squares: Floats, known: Floats) -> tuple[Floats, Floats]:
     squares, known : (k − 1,) c², λ.
     """
     freedom = len(squares)
-    chi = freedom * np.geomspace(*_RANGE, _PLACES)
-    mass = np.exp(0.5 * (freedom * np.log(chi / freedom) - chi))  # equal steps of log χ²
+    # The spread of log χ² falls with the root of its degrees of freedom.
+    part = np.geomspace(*_RANGE, _PLACES) ** (1.0 / np.sqrt(freedom))
+    chi = freedom * part
+    mass = np.exp(0.5 * freedom * (np.log(part) - part + 1.0))  # equal steps of log χ², 1 at the most
     # With no known errors s² = Σ c² / χ²; known ones leave less of it.
     low, high = np.zeros(_PLACES), squares.sum() / chi
     for _ in range(_HALVINGS):

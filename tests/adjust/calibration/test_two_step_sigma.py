@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 
 from adjust.arrays import Floats
-from adjust.calibration.mean_variance import mean_sigma, widening
+from adjust.calibration.mean_variance import _mixture, mean_sigma, widening
 from adjust.calibration.orientation_differences import OrientationDifferences
 from adjust.calibration.two_step import two_step_calibration
 from tests.adjust.calibration.strips_flown import RULE
@@ -32,6 +32,42 @@ def test_without_known_errors_sigma_is_the_scatter_and_has_one_freedom_less_than
     assert weighted.sigma == pytest.approx(strips.std(ddof=1) * np.sqrt(96.0) / 16.0, rel=1e-4)
     equal = mean_sigma(np.zeros(4), np.zeros((4, 4)), np.ones(4))
     assert (equal.sigma, equal.freedom, equal.known) == (0.0, 3.0, 0.0)
+    two = mean_sigma(np.array([1.0, 3.0]), np.zeros((2, 2)), np.ones(2))
+    assert (two.sigma, two.freedom) == pytest.approx((1.0, 1.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("freedom", [6, 60, 2000])
+def test_the_variances_of_strips_are_those_of_the_inverse_chi_squared_distribution(freedom: int) -> None:
+    """Closed case without known errors: mean Σ / (ν − 2), relative variance 2 / (ν − 4)."""
+    variance, mass = _mixture(np.full(freedom, 2.0), np.zeros(freedom))
+    mean = float(mass @ variance)
+    assert mean == pytest.approx(2.0 * freedom / (freedom - 2.0), rel=1e-3)
+    relative = float(mass @ (variance / mean - 1.0) ** 2)
+    assert relative == pytest.approx(2.0 / (freedom - 4.0), rel=0.02)
+
+
+def test_the_stated_intervals_hold_what_they_say_of_the_mixture() -> None:
+    """Strips of unlike weights and a full matrix of known errors, without contrasts or eigenvectors.
+
+    Each value of χ² belongs to the s² at which dᵀ (V⁻¹ − V⁻¹ 1 1ᵀ V⁻¹ / 1ᵀ V⁻¹ 1) d with V = s² I + Q has it.
+    """
+    random = np.random.default_rng(4)
+    half = random.normal(size=(4, 4))
+    strips, covariance = 2.0 * random.normal(size=4), half @ half.T
+    count = np.array([3, 9, 5, 1])
+    variances = np.geomspace(1e-6, 1e6, 1000)
+    inverse = np.linalg.inv(variances[:, None, None] * np.eye(4) + covariance)
+    of_one = inverse.sum(axis=2)
+    squares = strips @ inverse @ strips - (of_one @ strips) ** 2 / of_one.sum(axis=1)
+    chi = stats.chi2.ppf((np.arange(4000) + 0.5) / 4000, 3)
+    variance = np.exp(np.interp(-chi, -squares, np.log(variances)))
+    share = count / 18.0
+    sigma = np.sqrt(variance * (share @ share) + share @ covariance @ share)
+    found = mean_sigma(strips, covariance, count)
+    assert found.known == pytest.approx(np.sqrt(share @ covariance @ share))
+    for level in (stats.norm.cdf(1.0), 0.975):
+        limit = found.sigma * stats.t.ppf(level, found.freedom)
+        assert stats.norm.cdf(limit / sigma).mean() == pytest.approx(level, abs=5e-4)
 
 
 def test_an_error_common_to_all_strips_adds_to_the_variance_and_not_to_the_scatter() -> None:
@@ -43,6 +79,10 @@ def test_an_error_common_to_all_strips_adds_to_the_variance_and_not_to_the_scatt
     assert large.sigma == pytest.approx(10.0, rel=0.01)
     assert large.known == pytest.approx(10.0)
     assert large.freedom > 100.0
+    # Without any scatter nothing else is left.
+    known = mean_sigma(np.ones(6), np.full((6, 6), 4.0), np.ones(6))
+    assert known.sigma == pytest.approx(2.0)
+    assert known.freedom > 1e5
 
 
 def test_known_errors_of_each_strip_alone_are_found_in_the_scatter_again() -> None:
@@ -54,8 +94,9 @@ def test_known_errors_of_each_strip_alone_are_found_in_the_scatter_again() -> No
 
 def test_what_widens_a_sigma_is_students_quantile() -> None:
     assert widening(3.0) == pytest.approx(3.18245 / 1.95996, rel=1e-5)
-    assert widening(np.inf) == pytest.approx(1.0, abs=1e-5)
-    assert np.isfinite(widening(np.nan))
+    assert widening(1.0) == pytest.approx(12.7062 / 1.95996, rel=1e-5)
+    assert widening(3.0, 0.995) == pytest.approx(5.84091 / 2.57583, rel=1e-5)
+    np.testing.assert_array_equal(widening(np.array([np.inf, np.nan])), 1.0)
 
 
 def normal_scores(
