@@ -128,7 +128,6 @@ def _moved_by(system: System, solution: Solution, cameras: CalibrationErrors) ->
     """G (n, 6, k): what errors of held camera parameters do to the exposures."""
     rays, layout, k = system.observations.image_points, system.layout, len(cameras.covariance)
     equations = rays.linearize(solution.linearization)
-    weight = np.where(rays.active[:, None], rays.inverse_sigma**2, 0.0)
     of = {term.block: term for term in equations.terms}
     column = np.zeros((*equations.misclosure.shape, k))
     for name, places in cameras.columns.items():
@@ -137,11 +136,10 @@ def _moved_by(system: System, solution: Solution, cameras: CalibrationErrors) ->
             for component in range(held.shape[1]):
                 rows = np.flatnonzero(held[:, component] >= 0)
                 column[rows, :, held[rows, component]] += of[name].jacobian[rows, :, component]
-    weighted = -column * weight[:, :, None]
+    weighted = -column * rays.inverse_sigma[:, :, None] ** 2
     right = FullVectors(
         np.zeros((layout.events, 6, k)), np.zeros((system.border, k)), np.zeros((layout.points, 3, k))
     )
     for name, target in ((EXTERIOR_ORIENTATION, right.of_exposures), (OBJECT_POINT, right.of_points)):
         np.add.at(target, of[name].index, np.swapaxes(of[name].jacobian, 1, 2) @ weighted)
-    right.of_points[~system.active_point] = 0.0
     return solve_full(system, solution.linearization, solution.factorization, right).of_exposures

@@ -26,8 +26,14 @@ STRIP = np.array([0] * 5 + [1] * 4 + [-1])
 
 @pytest.fixture(scope="module")
 def adjusted() -> tuple[Scene, AdjustmentResult, Floats]:
-    """A block, its adjustment, and axes east, north, up at the images that differ from one to the next."""
-    scene = two_strips(noise_seed=3)
+    """A block of two cameras, of which one stands across, with some image points rejected; its adjustment.
+
+    Axes east, north, up differ from image to image.
+    """
+    scene = two_strips(noise_seed=3, cameras=2)
+    rays = scene.observations.image_points
+    rejected = np.random.default_rng(5).random(len(rays.image)) < 0.1
+    scene = replace(scene, observations=replace(scene.observations, image_points=rays.without(rejected)))
     axes = rotation.exp(0.3 * np.sin(np.arange(30.0)).reshape(10, 3))
     return scene, adjust_block(scene.block, scene.observations), axes
 
@@ -72,24 +78,28 @@ def test_they_are_those_of_the_orientations_of_the_whole_block(
     )
 
 
-def test_a_held_focal_length_moves_them_as_an_adjustment_with_another_one_does(
+def test_held_interior_orientations_move_them_as_adjustments_with_others_do(
     adjusted: tuple[Scene, AdjustmentResult, Floats],
 ) -> None:
+    """c, x0 and y0 of both cameras, with correlated errors."""
     scene, result, axes = adjusted
-    sigma = 20e-6
-    columns = {INTERIOR_ORIENTATION: np.array([[0, -1, -1]])}
-    errors = CalibrationErrors(columns, np.array([[sigma**2]]))
+    half = 5e-6 * np.random.default_rng(4).normal(size=(6, 6))
+    errors = CalibrationErrors({INTERIOR_ORIENTATION: np.arange(6).reshape(2, 3)}, half @ half.T)
     without = adjusted_strip_errors(scene.block, result, STRIP, axes).covariance
     added = adjusted_strip_errors(scene.block, result, STRIP, axes, errors).covariance - without
-    system = tuple(
-        replace(item, values=item.values + np.array([sigma, 0.0, 0.0]))
-        if item.family.name == INTERIOR_ORIENTATION
-        else item
-        for item in scene.block.system
-    )
-    other = estimate_block(replace(scene.block, system=system), scene.observations).state
-    moved = means(scene, axes, result.state, other).ravel()
-    np.testing.assert_allclose(added.reshape(12, 12), np.outer(moved, moved), atol=0.01 * np.max(moved**2))
+
+    def moved(change: Floats) -> Floats:
+        system = tuple(
+            replace(item, values=item.values + change) if item.family.name == INTERIOR_ORIENTATION else item
+            for item in scene.block.system
+        )
+        other = estimate_block(replace(scene.block, system=system), scene.observations).state
+        return means(scene, axes, result.state, other).ravel()
+
+    by_each = np.array([moved(change.reshape(2, 3)) for change in half.T])
+    scale = np.linalg.norm(by_each, axis=0)
+    expected = by_each.T @ by_each / np.outer(scale, scale)
+    np.testing.assert_allclose(added.reshape(12, 12) / np.outer(scale, scale), expected, atol=0.01)
 
 
 def test_along_the_axes_of_the_body_they_are_those_of_the_map_turned_to_the_headings() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy import optimize
 
 from adjust.arrays import Floats
@@ -14,10 +15,12 @@ from adjust.calibration.strip_offsets import body_fixed, linear_fit, membership
 from tests.adjust.calibration.strips_flown import RULE, remounted, strips_flown
 
 
-def test_without_errors_of_the_block_it_is_the_comparison_by_scatter() -> None:
-    strips = strips_flown(np.random.default_rng(1), (8, 9))
+@pytest.mark.parametrize("flights", [(8, 9), (2, 3)])
+def test_without_errors_of_the_block_it_is_the_comparison_by_scatter(flights: tuple[int, int]) -> None:
+    k = sum(flights)
+    strips = strips_flown(np.random.default_rng(1), flights)
     remounted(strips, strips.flight == 1, (0.004, 0.0, 0.002), (0.1, -0.05))
-    joint = JointStrips.of(strips, strips.flight, StripErrors(np.zeros((17, 6, 17, 6))), RULE.strip_sigma)
+    joint = JointStrips.of(strips, strips.flight, StripErrors(np.zeros((k, 6, k, 6))), RULE.strip_sigma)
     comparison = StripComparison.of(strips, strips.flight)
     found, covariance = joint.differences(1, 0)
     expected, spread = comparison.differences(1, 0)
@@ -25,8 +28,15 @@ def test_without_errors_of_the_block_it_is_the_comparison_by_scatter() -> None:
     scatter = np.array([*(fit.variance for fit in comparison.misalignment), comparison.plan.variance])
     by_scatter = (np.diagonal(spread) * (scatter / comparison.variance)[[0, 1, 2, 3, 3]]).tolist()
     np.testing.assert_allclose(np.diagonal(covariance), by_scatter, rtol=1e-6)
-    np.testing.assert_allclose(joint.freedom, [15.0, 15.0, 15.0, 34.0 - 8.0], rtol=1e-6)
+    np.testing.assert_allclose(joint.freedom, [k - 2.0] * 3 + [2.0 * k - 8.0], rtol=1e-6)
     assert not joint.explained.any()
+
+
+def test_strips_are_not_taken_for_better_than_a_twentieth_of_their_stated_errors() -> None:
+    calm = strips_flown(np.random.default_rng(1), (8, 9), attitude_deg=(1e-6, 1e-6, 1e-6), position_m=1e-5)
+    joint = JointStrips.of(calm, calm.flight, StripErrors(np.zeros((17, 6, 17, 6))), RULE.strip_sigma)
+    sigma = 0.05 * RULE.strip_sigma[:3] * np.sqrt(1.0 / 8.0 + 1.0 / 9.0)
+    np.testing.assert_allclose(np.sqrt(np.diagonal(joint.differences(1, 0)[1])[:3]), sigma, rtol=1e-9)
 
 
 def test_a_free_tilt_of_the_block_is_an_unknown_of_the_strips() -> None:
@@ -142,3 +152,22 @@ def test_what_one_direction_does_not_say_is_not_compared() -> None:
     assert joint.differing(1, 0, np.zeros(4)) > 0.0
     # No angle differs by as much as this.
     assert joint.differing(1, 0, np.full(4, 1.0)) == 1.0
+
+
+@pytest.mark.parametrize("hidden", ["roll", "forward"])
+def test_what_errors_of_the_block_hide_is_not_compared(hidden: str) -> None:
+    """Errors of 300 σ of a strip that look like another roll, or another forward, of the second mounting."""
+    strips = strips_flown(np.random.default_rng(5), (16,))
+    mounting = (np.arange(16) % 8 > 3).astype(np.int64)
+    like, sign = np.zeros((16, 6)), 2.0 * mounting - 1.0
+    if hidden == "roll":
+        like[:, 0] = 300.0 * RULE.strip_sigma[0] * sign
+    else:
+        heading = np.column_stack([np.sin(strips.heading), np.cos(strips.heading)])
+        like[:, 3:5] = 300.0 * RULE.strip_sigma[3] * sign[:, None] * heading
+    errors = StripErrors(np.einsum("ij,kl->ijkl", like, like))
+    found, covariance = JointStrips.of(strips, mounting, errors, RULE.strip_sigma).differences(1, 0)
+    # Of an offset in plan the length is tested, so that one component alone says nothing.
+    said = np.array([False, True, True, True, True] if hidden == "roll" else [True] * 3 + [False] * 2)
+    np.testing.assert_array_equal(np.isfinite(found), said)
+    np.testing.assert_array_equal(np.isfinite(covariance), np.outer(said, said))

@@ -399,6 +399,57 @@ def test_weights_come_from_the_covariances() -> None:
     assert found.robust[0] == pytest.approx(0.2, abs=1e-9)
 
 
+def huber(residual: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, float]:
+    """Factors of residuals, and their scale, by the definition."""
+    scale = np.median(np.abs(residual / size - np.median(residual / size))) / stats.norm.ppf(0.75)
+    return np.minimum(1.0, 1.5 * scale * size / np.abs(residual)), float(scale)
+
+
+def test_the_robust_mean_of_values_of_unlike_sigma_and_its_own_are_those_of_the_definition() -> None:
+    random = np.random.default_rng(12)
+    cluster, size = np.repeat(np.arange(7), 6), np.exp(random.normal(size=42))
+    values = 5.0 + size * (stats.t.rvs(2, size=42, random_state=1) + random.normal(size=7)[cluster])
+    found = robust_mean(values[:, None], cluster, 9.0 * size[:, None, None] ** 2)
+    residual = values - found.robust[0]
+    factor = np.minimum(1.0, 1.5 * huber(values - np.median(values), size)[1] * size / np.abs(residual))
+    assert 0.3 < np.mean(factor == 1.0) < 0.9
+    weight = factor / size**2
+    np.testing.assert_allclose(found.weight[:, 0], factor, rtol=1e-6)
+    assert weight @ residual == pytest.approx(0.0, abs=1e-6 * np.sum(weight * np.abs(residual)))
+    # Sums of influences over strips; only residuals that count in full determine the mean.
+    of_strips = (
+        np.bincount(cluster, weight * residual) / weight.sum() * factor.mean() / np.mean(factor == 1.0)
+    )
+    assert found.robust_sigma[0] == pytest.approx(np.sqrt(7.0 / 6.0 * np.sum(of_strips**2)), rel=1e-6)
+    assert found.rms[0] == pytest.approx(np.sqrt(np.mean(residual**2)))
+    assert found.scatter[0] == pytest.approx(huber(residual, np.ones(42))[1])
+    assert abs(found.rms[0] / residual.std() - 1.0) > 1e-3
+
+
+def test_correlated_components_are_averaged_together() -> None:
+    """The root of their weight 0 … 1 stands on both sides of the inverse of the covariance."""
+    random = np.random.default_rng(13)
+    half = random.normal(size=(40, 2, 2)) + 2.0 * np.eye(2)
+    covariance = half @ np.swapaxes(half, 1, 2)
+    values = [3.0, -4.0] + np.einsum("nij,nj->ni", half, stats.t.rvs(3, size=(40, 2), random_state=2))
+    found = robust_mean(values, np.arange(40), covariance)
+    size = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    scale = np.array([huber(of - np.median(of), own)[1] for of, own in zip(values.T, size.T, strict=True)])
+    residual = values - found.robust
+    root = np.sqrt(np.minimum(1.0, 1.5 * scale * size / np.abs(residual)))
+    weight = root[:, :, None] * np.linalg.inv(covariance) * root[:, None, :]
+    balance = np.einsum("nij,nj->ni", weight, residual)
+    assert np.all(np.abs(balance.sum(axis=0)) < 1e-6 * np.abs(balance).sum(axis=0))
+    inside = np.mean(root == 1.0, axis=0)
+    influence = balance @ np.linalg.inv(weight.sum(axis=0)) * np.mean(root**2, axis=0) / inside
+    sigma = np.sqrt(40.0 / 39.0 * np.sum(influence**2, axis=0))
+    np.testing.assert_allclose(found.robust_sigma, sigma, rtol=1e-6)
+    # The first component twice: a singular covariance.
+    twice = [0, 1, 0]
+    of_three = robust_mean(values[:, twice], np.arange(40), covariance[:, twice][:, :, twice])
+    np.testing.assert_allclose(of_three.robust, found.robust[twice], rtol=1e-9)
+
+
 @given(st.floats(-100, 100), st.floats(0.1, 10), st.integers(0, 1000))
 def test_the_robust_mean_follows_shift_and_scale(shift: float, scale: float, seed: int) -> None:
     values = stats.t.rvs(2, size=(40, 2), random_state=seed)
