@@ -40,8 +40,8 @@ class OffsetSeparation:
     verdict : ``body``: of a lever arm; ``map``: of a shift; ``both``; ``neither``: there is no offset;
         ``undecided``: there is one, and it cannot be determined which.
     tests : by what is tested: ``offset`` (anything at all), ``lever_arm`` (next to a shift), ``shift``
-        (next to a lever arm), ``shift_by_flight``, ``lever_arm_by_flight`` and ``lever_arm_by_mounting`` (next to a
-        shift of each flight), ``roll_by_flight`` … ``yaw_by_mounting``.
+        (next to a lever arm), ``shift_by_flight``, ``lever_arm_by_flight`` and ``lever_arm_by_mounting``
+        (next to a shift of each flight), ``roll_by_flight`` … ``yaw_by_mounting``.
     lever_arm, shift : (2,) forward, right and east, north, metres, estimated together. Where flights have
         shifts that differ, the shift is the mean of those of all strips. NaN where the headings do not
         separate them.
