@@ -10,6 +10,7 @@ import pytest
 from adjust.arrays import Bools, Floats
 from adjust.calibration.adjusted_strips import StripErrors
 from adjust.calibration.mean_variance import mean_sigma, widening
+from adjust.calibration.offset_separation import separated_offset
 from adjust.calibration.orientation_differences import OrientationDifferences
 from adjust.calibration.robust_mean import robust_mean
 from adjust.calibration.strip_offsets import body_fixed
@@ -28,9 +29,9 @@ LOW = np.arange(19) >= 15
 NAME = 3 * np.arange(19) + 2
 
 
-def three_days(**more: bool) -> OrientationDifferences:
+def three_days() -> OrientationDifferences:
     """Strips of six exposures, of which the last strip has lost two."""
-    found = flown(tuple(DIRECTION), per_strip=6, **more)
+    found = flown(tuple(DIRECTION), per_strip=6)
     strip, random = found.strip, np.random.default_rng(3)
     moved = MOUNTING[strip] == 1
     move = np.array([0.3, -0.4])
@@ -86,6 +87,10 @@ def scattered(group: GroupMean, result: TwoStep) -> Floats:
 @pytest.mark.parametrize("with_errors", [False, True])
 def test_every_group_is_the_mean_of_its_own_exposures(errors: StripErrors, with_errors: bool) -> None:
     differences = three_days()
+    if with_errors:
+        # Errors of strips are averages of exposures that count alike, whatever their covariances are.
+        size = np.random.default_rng(6).uniform(0.1, 9.0, len(differences.strip))
+        differences = replace(differences, covariance=np.eye(9) * size[:, None, None])
     result = two_step_calibration(differences, RULE, errors if with_errors else None)
     np.testing.assert_array_equal(result.mountings.mounting, MOUNTING)
     expected = chosen(differences)
@@ -136,3 +141,17 @@ def test_the_result_is_that_of_the_main_mounting() -> None:
     np.testing.assert_array_equal(main.widened, main.sigma * widening(main.freedom, 0.975))
     assert result.strips.heading_group.max() == 4
     assert result.directions == 4
+
+
+@pytest.mark.parametrize("with_errors", [False, True])
+def test_the_offset_is_that_of_the_strips_of_the_main_mounting(
+    errors: StripErrors, with_errors: bool
+) -> None:
+    known = errors if with_errors else None
+    result = two_step_calibration(three_days(), RULE, known)
+    expected = separated_offset(result.strips, MOUNTING, RULE.error_probability, known)
+    assert RULE.error_probability < expected.tests["shift_by_flight"].probability < 0.5
+    assert result.offset.tests.keys() == expected.tests.keys()
+    for name, test in expected.tests.items():
+        assert result.offset.tests[name].probability == test.probability
+    np.testing.assert_array_equal(result.offset.lever_arm_sigma, expected.lever_arm_sigma)
