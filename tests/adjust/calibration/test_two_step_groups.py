@@ -155,3 +155,22 @@ def test_the_offset_is_that_of_the_strips_of_the_main_mounting(
     for name, test in expected.tests.items():
         assert result.offset.tests[name].probability == test.probability
     np.testing.assert_array_equal(result.offset.lever_arm_sigma, expected.lever_arm_sigma)
+
+
+def test_strips_alone_have_the_scatter_of_their_exposures_or_that_of_the_others() -> None:
+    """One strip to the east; one exposure to the west; one exposure with the camera remounted."""
+    found = flown((0, 180) * 4 + (90, 270, 0), per_strip=6)
+    found.lever_arm[found.strip == 10, 0] += 1.0
+    found.shift[found.strip == 10, 1] += 1.0
+    first = np.append(True, np.diff(found.strip) > 0)
+    result = two_step_calibration(found.only(first | (found.strip < 9)), RULE)
+    assert result.mountings.mounting.tolist() == [0] * 10 + [1]
+    east, west = (group for group in result.groups if group.scope == "heading" and group.number in (1, 3))
+    np.testing.assert_array_equal(east.sigma, east.mean.robust_sigma)
+    np.testing.assert_array_equal(east.freedom, 5.0)
+    assert np.isnan(west.sigma).all()
+    np.testing.assert_array_equal(west.freedom, 1.0)
+    other = result.others[0]
+    assert np.isnan(other.mean.robust_sigma).all()
+    np.testing.assert_allclose(other.sigma, scattered(other, result))
+    np.testing.assert_array_equal(other.freedom, 9.0)
