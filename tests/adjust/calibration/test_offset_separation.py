@@ -175,6 +175,16 @@ def test_what_a_design_leaves_open_is_not_estimable() -> None:
     contrasts = np.array([[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]])
     np.testing.assert_array_equal(estimable(design, contrasts), [False, True])
     assert linear_fit(design, np.ones(8)).freedom == 6
+    # Of two flights in one direction the shifts go with the lever arm, however many strips each has.
+    design = np.hstack(
+        [map_fixed(np.repeat([0, 1], [2, 9])), body_fixed(np.full(11, 0.3), np.zeros(11, int))]
+    )
+    moved = np.hstack(
+        [np.kron(np.eye(2), np.eye(2)), np.tile(body_fixed(np.array([0.3]), np.zeros(1)), (2, 1))]
+    )
+    assert estimable(design, moved).all()
+    assert estimable(design, moved[:2] - moved[2:]).all()
+    assert not estimable(design, moved + 0.01 * np.eye(4, 6, 2)).any()
 
 
 def test_a_lever_arm_is_estimated_next_to_the_shifts_that_flights_have() -> None:
@@ -201,3 +211,61 @@ def test_shifts_of_flights_in_one_direction_each_leave_no_lever_arm() -> None:
     assert found.verdict == "undecided"
     for values in (found.lever_arm, found.lever_arm_sigma, found.shift, found.shift_sigma):
         assert np.isnan(values).all()
+
+
+@pytest.mark.parametrize(("apart_deg", "separable"), [(4.4, False), (4.8, True)])
+def test_two_directions_separate_lever_arm_and_shift_from_some_degrees_on(
+    apart_deg: float, separable: bool
+) -> None:
+    """Their singular values have the ratio tan(δ/4); 2 % are 4.6°."""
+    heading, one = np.deg2rad(np.tile([20.0, 20.0 + apart_deg], 5)), np.zeros(10, dtype=np.int64)
+    design = np.hstack([map_fixed(one), body_fixed(heading, one)])
+    assert linear_fit(design, np.ones(20)).freedom == (16 if separable else 18)
+    assert estimable(design, np.array([[0.0, 0.0, 1.0, 0.0]]))[0] == separable
+
+
+def test_scatter_is_told_from_rounding() -> None:
+    """Values of ten kilometres that scatter by a millimetre are tested; those that do not are certain."""
+    random = np.random.default_rng(7)
+    one, line = np.ones((12, 1)), np.column_stack([np.ones(12), np.arange(12.0)])
+    values = 1e4 + 1e-3 * random.normal(size=12)
+    expected = stats.linregress(np.arange(12.0), values)
+    found = nested_test(one, line, values)
+    assert found.probability == pytest.approx(expected.pvalue, rel=1e-4)
+    assert nested_test(one, line, np.full(12, 1e4 / 3.0)).probability == 1.0
+    assert nested_test(one, line, 1e4 + np.arange(12.0) / 3.0).probability == 0.0
+
+
+def test_known_errors_larger_than_the_scatter_leave_no_variance_of_their_own() -> None:
+    design, values = np.random.default_rng(2).normal(size=(12, 3)), np.random.default_rng(3).normal(size=12)
+    inverse = np.linalg.pinv(design)
+    known = 100.0 * np.eye(12)
+    found = linear_fit(design, values).covariance(design, known)
+    np.testing.assert_allclose(found, inverse @ known @ inverse.T)
+    assert np.isnan(linear_fit(design[:3], values[:3]).variance)
+
+
+@pytest.mark.parametrize("in_decrease", [True, False])
+def test_known_errors_enlarge_the_variance_by_what_they_add_to_the_decrease(in_decrease: bool) -> None:
+    """By projectors of pseudo-inverses: three unknowns more, and errors in their space or beyond it."""
+    random = np.random.default_rng(8)
+    larger, values = random.normal(size=(14, 5)) * [1.0, 5.0, 0.2, 1.0, 3.0], random.normal(size=14)
+    smaller = larger[:, :2]
+    of_large, of_small = (design @ np.linalg.pinv(design) for design in (larger, smaller))
+    seen = larger if in_decrease else np.linalg.svd(larger)[0][:, 5:]
+    half = 0.3 * (seen @ random.normal(size=(seen.shape[1], 9)) + 0.1 * random.normal(size=(14, 9)))
+    known = half @ half.T
+    left = values - of_large @ values
+    added = np.trace((of_large - of_small) @ known) / 3.0 - np.trace(known - of_large @ known) / 9.0
+    assert (added > 0.0) == in_decrease
+    variance = left @ left / 9.0 + max(added, 0.0)
+    expected = values @ (of_large - of_small) @ values / variance
+    found = nested_test(smaller, larger, values, known)
+    assert found.chi_squared == pytest.approx(expected)
+    assert found.probability == pytest.approx(stats.f.sf(expected / 3.0, 3, 9))
+
+
+def test_without_redundancy_nothing_is_tested() -> None:
+    random = np.random.default_rng(9)
+    found = nested_test(random.normal(size=(4, 2)), np.eye(4), random.normal(size=4))
+    assert (found.testable, found.freedom, found.variance_freedom) == (False, 2, 0)

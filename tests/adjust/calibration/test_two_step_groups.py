@@ -13,6 +13,7 @@ from adjust.calibration.mean_variance import mean_sigma, widening
 from adjust.calibration.offset_separation import separated_offset
 from adjust.calibration.orientation_differences import OrientationDifferences
 from adjust.calibration.robust_mean import robust_mean
+from adjust.calibration.strip_means import strip_means
 from adjust.calibration.strip_offsets import body_fixed
 from adjust.calibration.two_step import GroupMean, TwoStep, two_step_calibration
 from tests.adjust.calibration.strips_flown import RULE
@@ -174,3 +175,32 @@ def test_strips_alone_have_the_scatter_of_their_exposures_or_that_of_the_others(
     assert np.isnan(other.mean.robust_sigma).all()
     np.testing.assert_allclose(other.sigma, scattered(other, result))
     np.testing.assert_array_equal(other.freedom, 9.0)
+
+
+def test_strips_are_described_by_their_own_exposures() -> None:
+    differences = three_days()
+    size = np.random.default_rng(6).uniform(0.1, 9.0, len(differences.strip))
+    differences = replace(
+        differences,
+        covariance=np.eye(9) * size[:, None, None],
+        place=differences.place + np.random.default_rng(7).uniform(0.0, 0.9, len(size)),
+    )
+    found = strip_means(differences)
+    np.testing.assert_array_equal(found.strip, NAME)
+    np.testing.assert_array_equal(found.flight, FLIGHT)
+    for k, name in enumerate(NAME):
+        own = differences.only(differences.strip == name)
+        mean = robust_mean(own.components, own.strip)
+        np.testing.assert_array_equal(found.mean[k], mean.robust)
+        np.testing.assert_array_equal(found.sigma[k], mean.robust_sigma)
+        assert found.count[k] == len(own.strip)
+        assert found.place[k] == np.median(own.place)
+        assert found.height[k] == np.median(own.height)
+        assert found.heading[k] == pytest.approx(np.angle(np.exp(1j * own.heading).mean()))
+
+
+@pytest.mark.parametrize("exposures", [1, 2, 3])
+def test_a_line_through_a_strip_and_its_sigma_need_three_exposures(exposures: int) -> None:
+    found = strip_means(flown((0,), per_strip=exposures))
+    assert np.isfinite(found.drift).all() == np.isfinite(found.drift_sigma).all() == (exposures == 3)
+    assert np.isfinite(found.scatter).all() == (exposures > 1)
