@@ -220,7 +220,7 @@ class Adjuster:
             and found.movements is None
             and found.iterations[-1].largest_move > _SHORT
         ):
-            earlier = Step.repeated(before.system, found.linearized_at, found.factorization)
+            earlier = Step.repeated(before.system, found.linearized_at, found.normals, found.factorization)
         return iterate(
             before.system, before.state, self.options.most_iterations, self.progress, earlier=earlier
         )

@@ -54,9 +54,12 @@ class Step:
         return cls(system, state, normals, factorization, *factorization.solve(), movements, True)
 
     @classmethod
-    def repeated(cls, system: System, state: State, factorization: Factorization) -> Step:
+    def repeated(
+        cls, system: System, state: State, normals: ReducedNormals, factorization: Factorization
+    ) -> Step:
         """A step that was made before, by factors that are there; not of a network with an open datum."""
-        return cls(system, state, factorization.normals, factorization, *factorization.solve(), None, True)
+        solved = factorization.factor.solve(normals.rhs_exposure, normals.rhs_border)
+        return cls(system, state, normals, factorization, *solved, None, factorization.normals is normals)
 
     def then(self, state: State, normals: ReducedNormals) -> Step:
         """A step from a later state with the factors of this one; not of a network with an open datum.

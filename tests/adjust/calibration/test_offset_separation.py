@@ -143,6 +143,13 @@ def test_in_one_direction_a_large_offset_stays_undecided() -> None:
     assert np.isnan(found.lever_arm).all()
 
 
+def test_in_one_direction_no_offset_is_called_for_where_strips_are_enough_to_say_so() -> None:
+    found = separation(3, headings_deg=(10.0,), flights=(8,))
+    assert found.tests["offset"].probability > 0.025
+    assert found.verdict == "neither"
+    assert separation(3, headings_deg=(10.0,), flights=(1,)).verdict == "undecided"
+
+
 def test_in_one_direction_shifts_that_differ_by_flight_do_not_decide() -> None:
     shifts = ((0.3, 0.0), (-0.2, 0.0))
     found = separation(3, headings_deg=(10.0,), flights=(8, 8), shifts=shifts)
@@ -269,3 +276,81 @@ def test_without_redundancy_nothing_is_tested() -> None:
     random = np.random.default_rng(9)
     found = nested_test(random.normal(size=(4, 2)), np.eye(4), random.normal(size=4))
     assert (found.testable, found.freedom, found.variance_freedom) == (False, 2, 0)
+
+
+@pytest.mark.parametrize("with_errors", [False, True])
+@pytest.mark.parametrize("second", [(0.3, -0.1), (-0.2, 0.2)])
+def test_every_test_is_that_of_designs_written_down(second: tuple[float, float], with_errors: bool) -> None:
+    """Two flights with one shift or two, three strips of another mounting, errors of the adjustment."""
+    random, k = np.random.default_rng(31), 17
+    headings = (0.0, 180.0, 90.0, 270.0)
+    strips = strips_flown(random, (8, 9), headings, lever_arm=(0.02, 0.01), shifts=((0.3, -0.1), second))
+    strips.mean[:, :3] += np.deg2rad(0.001) * random.normal(size=(k, 3))
+    mounting = np.isin(np.arange(k), [2, 9, 12]).astype(np.int64)
+    size = np.tile(np.append(np.deg2rad([0.002, 0.001, 0.003]), [0.03, 0.02, 0.05]), k)
+    half = size[:, None] * random.normal(size=(6 * k, 20)) / 4.0
+    covariance = (half @ half.T).reshape(k, 6, k, 6)
+    errors = StripErrors(covariance) if with_errors else None
+    found = separated_offset(strips, mounting, 0.01, errors)
+
+    def shift(of: Any) -> Any:
+        return np.kron(np.asarray(of, float)[:, None], np.eye(2))
+
+    def arm(of: Any) -> Any:
+        sine, cosine = np.sin(strips.heading), np.cos(strips.heading)
+        turn = np.stack([np.stack([sine, cosine], 1), np.stack([cosine, -sine], 1)], 1)
+        return (np.asarray(of, float)[:, None, None] * turn).reshape(-1, 2)
+
+    def stacked(*parts: Any) -> Any:
+        return np.hstack([np.zeros((2 * k, 0)), *parts])
+
+    def of_plan(rows: Any, smaller: Any, larger: Any) -> Any:
+        chosen = np.repeat(rows, 2)
+        known = covariance[:, 3:5, :, 3:5].reshape(2 * k, 2 * k)[np.ix_(chosen, chosen)]
+        offset = strips.mean[:, 6:8].ravel()[chosen]
+        return nested_test(smaller[chosen], larger[chosen], offset, known if with_errors else None)
+
+    def of_angle(axis: int, rows: Any, group: Any) -> Any:
+        larger = np.column_stack([1.0 - group, group])[rows]
+        known = covariance[:, axis, :, axis][np.ix_(rows, rows)] if with_errors else None
+        return nested_test(np.ones((int(rows.sum()), 1)), larger, strips.mean[rows, axis], known)
+
+    every, flight = np.ones(k, dtype=bool), strips.flight
+    main, one, of_flights = mounting == 0, shift(every), stacked(shift(flight == 0), shift(flight == 1))
+    expected = {"shift_by_flight": of_plan(main, stacked(one, arm(every)), stacked(of_flights, arm(every)))}
+    differ = expected["shift_by_flight"].probability < 0.01
+    assert differ == (second == (-0.2, 0.2))
+    used = of_flights if differ else one
+    together = stacked(used, arm(every))
+    expected |= {
+        "offset": of_plan(main, stacked(), together),
+        "lever_arm": of_plan(main, used, together),
+        "shift": of_plan(main, arm(every), together),
+        "lever_arm_by_flight": of_plan(
+            main, stacked(of_flights, arm(every)), stacked(of_flights, arm(flight == 0), arm(flight == 1))
+        ),
+        "lever_arm_by_mounting": of_plan(
+            every,
+            stacked(of_flights, arm(every)),
+            stacked(of_flights, arm(mounting == 0), arm(mounting == 1)),
+        ),
+    }
+    for axis, name in enumerate(("roll", "pitch", "yaw")):
+        expected[f"{name}_by_flight"] = of_angle(axis, main, flight)
+        expected[f"{name}_by_mounting"] = of_angle(axis, every, mounting)
+    assert found.tests.keys() == expected.keys()
+    for name, test in expected.items():
+        assert found.tests[name].probability == pytest.approx(test.probability), name
+        assert found.tests[name].freedom == test.freedom
+    chosen = np.repeat(main, 2)
+    known = covariance[:, 3:5, :, 3:5].reshape(2 * k, 2 * k)[np.ix_(chosen, chosen)] if with_errors else None
+    offset = strips.mean[:, 6:8].ravel()[chosen]
+    for design, of, values in (
+        (together[chosen], slice(-2, None), (found.lever_arm, found.lever_arm_sigma)),
+        (stacked(one, arm(every))[chosen], slice(0, 2), (None, found.shift_sigma)),
+    ):
+        fit = linear_fit(design, offset)
+        sigma = np.sqrt(np.diagonal(fit.covariance(design, known)))[of]
+        np.testing.assert_allclose(values[1], sigma)
+        if values[0] is not None:
+            np.testing.assert_allclose(values[0], fit.solution[of])

@@ -204,3 +204,5 @@ def test_a_line_through_a_strip_and_its_sigma_need_three_exposures(exposures: in
     found = strip_means(flown((0,), per_strip=exposures))
     assert np.isfinite(found.drift).all() == np.isfinite(found.drift_sigma).all() == (exposures == 3)
     assert np.isfinite(found.scatter).all() == (exposures > 1)
+    nowhere = strip_means(replace(flown((0,)), place=np.zeros(30)))
+    assert np.isnan(nowhere.drift).all()
