@@ -100,9 +100,9 @@ def separated_offset(
     sigma = np.sqrt(np.diagonal(fit.covariance(together, known)))[-2:]
     # The scatter about one shift has in it how flights differ.
     of_shift = np.sqrt(np.diagonal(alike.covariance(both, known)))[:2]
-    separable = fit.freedom == len(offset) - together.shape[1]
-    values = (item if separable else np.full(2, np.nan) for item in (found, sigma, left, of_shift))
-    return OffsetSeparation(_verdict(tests), tests, *values, fit.freedom)
+    if fit.freedom > len(offset) - together.shape[1]:
+        found = sigma = left = of_shift = np.full(2, np.nan)
+    return OffsetSeparation(_verdict(tests), tests, found, sigma, left, of_shift, fit.freedom)
 
 
 def _of_angles(

@@ -29,6 +29,7 @@ def test_convergence_is_fast_from_the_start_values_of_a_flight() -> None:
     assert len(steps) <= 5
     assert all(step.damping == 0.0 for step in steps)
     assert all(later < 0.05 * earlier for earlier, later in pairwise(moves))
+    assert moves[-1] < 1e-3 < moves[-2]
 
 
 def test_weighted_squares_of_the_last_step_are_a_minimum() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,9 @@ def test_the_squares_fall_by_the_decrement_if_equations_are_linear(
     assert step.decrement == pytest.approx(expected, rel=1e-9)
     assert step.largest_move == pytest.approx(np.sqrt(expected), rel=1e-9)
     assert step.normals.weighted_squares == pytest.approx(design.weighted_squares)
+    # Rounding at the end of an iteration.
+    below = replace(step, normals=replace(step.normals, eliminated=-2.0 * expected), movements=None)
+    assert below.largest_move == 0.0
     if constrained is None:
         sigma = np.sqrt(np.diagonal(np.linalg.inv(matrix.T @ matrix)))[design.exposure_columns]
         assert np.abs(step.of_exposures / sigma).max() <= step.largest_move
