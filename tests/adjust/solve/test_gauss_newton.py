@@ -12,7 +12,7 @@ from adjust.adjustment import adjust_block, estimate_block
 from adjust.errors import DivergenceError
 from adjust.parameters import BORESIGHT
 from adjust.quality.cofactor import cofactor
-from adjust.solve.gauss_newton import iterate, single_step
+from adjust.solve.gauss_newton import Iteration, converge, iterate, single_step
 from adjust.solve.normal_equations import reduced_normals, weighted_squares
 from adjust.solve.system import System
 from tests.adjust.scenes import Scene, two_strips
@@ -98,6 +98,9 @@ def test_one_linear_step_promises_the_squares_that_are_left_without_a_few_observ
     left = system.remaining(replace(system.observations, image_points=rays.without(gone)))
     solution, promised = single_step(system, end, left, end.linearization)
     assert solution.stalled
+    assert solution.iterations[0].largest_move ** 2 == pytest.approx(
+        solution.normals.weighted_squares - promised, rel=1e-6
+    )
     at_end = weighted_squares(left, iterate(left, solution.state, 20).state)
     assert promised == pytest.approx(at_end, rel=1e-6)
     assert at_end < 0.999 * end.normals.weighted_squares
@@ -172,3 +175,61 @@ def test_what_still_moves_most_is_named_with_its_size() -> None:
     with pytest.raises(DivergenceError) as caught:
         iterate(system_of(scene), start, 1)
     assert caught.value.largest == "image image_04 (5.01 m); system parameters by up to 0.002"
+    of_rig = two_strips(heads=2)
+    centre = of_rig.truth.projection_centre.copy()
+    centre[6] += [3.0, 0.0, 4.0]
+    with pytest.raises(DivergenceError) as caught:
+        iterate(system_of(of_rig), replace(of_rig.truth, projection_centre=centre), 1)
+    assert caught.value.largest.startswith(f"event {of_rig.block.events[6]} (5.0")
+
+
+def with_gross_errors(count: int, size_m: float) -> System:
+    """A block of which so many image points are off by gross errors of this σ."""
+    scene = two_strips(noise_seed=1, start_seed=2, control=())
+    rays, random = scene.observations.image_points, np.random.default_rng(1)
+    xy = rays.xy.copy()
+    wrong = random.choice(len(xy), count, replace=False)
+    xy[wrong] += random.normal(0.0, size_m, (count, 2))
+    return system_of(
+        replace(scene, observations=replace(scene.observations, image_points=replace(rays, xy=xy)))
+    )
+
+
+@pytest.mark.parametrize(("count", "size_m", "creeps"), [(20, 5e-3, True), (40, 3e-2, False)])
+def test_an_iteration_that_leads_nowhere_may_end_early(count: int, size_m: float, creeps: bool) -> None:
+    """Where long steps lower vᵀPv by less than a thousandth, or after as many steps as are allowed."""
+    system, seen = with_gross_errors(count, size_m), list[Iteration]()
+    start = system.block.approximate_state()
+    found = converge(system, start, 20, seen.append, may_stall=True)
+    assert found.stalled
+    assert found.iterations == tuple(seen)
+    assert [step.number for step in seen] == list(range(1, len(seen) + 1))
+    at_end = weighted_squares(system, found.state)
+    assert found.weighted_squares == pytest.approx(at_end, rel=1e-9)
+    squares = np.array([*(step.weighted_squares for step in seen), at_end])
+    lowered, moves = 1.0 - squares[1:] / squares[:-1], [step.largest_move for step in seen]
+    assert (len(seen) < 20) == creeps
+    if creeps:
+        assert lowered[-1] < 1e-3 < lowered[:-1].min()
+        assert moves[-1] > 30.0
+    # A step that leads uphill is made again with more damping, and damping is taken back after one downhill.
+    for step, following, downhill in zip(seen, seen[1:], lowered[:-1] > 0.0, strict=False):
+        less = 0.0 if step.damping <= 1e-4 else step.damping / 10.0
+        expected = less if downhill else max(10.0 * step.damping, 1e-4)
+        assert following.damping == pytest.approx(expected)
+    assert creeps or max(step.damping for step in seen) > 0.05
+    solution = iterate(system, start, 20, may_stall=True)
+    assert solution.stalled
+    assert solution.iterations == found.iterations
+    assert solution.linearization is solution.state
+    assert solution.normals.weighted_squares == pytest.approx(at_end, rel=1e-9)
+
+
+def test_without_leave_to_end_early_it_goes_on() -> None:
+    system = with_gross_errors(5, 5e-3)
+    start = system.block.approximate_state()
+    early, end = (converge(system, start, 25, may_stall=early) for early in (True, False))
+    assert (early.stalled, end.stalled) == (True, False)
+    assert len(end.iterations) > len(early.iterations)
+    assert end.weighted_squares < early.weighted_squares
+    assert end.weighted_squares == pytest.approx(weighted_squares(system, end.state))
