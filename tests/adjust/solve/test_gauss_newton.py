@@ -90,6 +90,20 @@ def test_near_the_end_a_solution_counts_as_stalled_with_the_equations_of_its_las
     assert (end.stalled, again.stalled) == (False, False)
 
 
+def test_near_the_end_a_free_network_counts_as_stalled_likewise() -> None:
+    scene = two_strips(noise_seed=1, start_seed=2, control=(), gnss=False, ins=False)
+    system = System.of(scene.block, scene.observations, inner_constraints="object_points")
+    end = iterate(system, scene.block.approximate_state(), 20)
+    centre = end.state.projection_centre.copy()
+    centre[2] += [1e-3, 0.0, 0.0]
+    found = iterate(system, replace(end.state, projection_centre=centre), 20, near=True)
+    assert 1e-3 < found.iterations[-1].largest_move < 1.0
+    assert (found.stalled, end.stalled) == (True, False)
+    assert (found.defect, end.defect) == (7, 7)
+    assert end.linearization is end.state
+    np.testing.assert_allclose(found.state.projection_centre, end.state.projection_centre, atol=1e-5)
+
+
 def test_one_linear_step_promises_the_squares_that_are_left_without_a_few_observations() -> None:
     scene = two_strips(noise_seed=1, start_seed=2)
     system, rays = system_of(scene), scene.observations.image_points
