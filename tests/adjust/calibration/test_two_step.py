@@ -452,6 +452,17 @@ def test_correlated_components_are_averaged_together() -> None:
     np.testing.assert_allclose(of_three.robust, found.robust[twice], rtol=1e-9)
 
 
+def test_of_few_or_equal_values_the_mean_is_the_plain_one() -> None:
+    # Half of them are equal: their ordinary standard deviation, 0.47, is the scale.
+    found = robust_mean(np.repeat([0.0, 1.0], [6, 3])[:, None], np.arange(9))
+    assert found.robust[0] == pytest.approx(1.0 / 3.0)
+    assert found.scatter[0] == pytest.approx(np.sqrt(2.0) / 3.0)
+    two = robust_mean(np.array([[1.0], [1.0], [3.0]]), np.array([4, 4, 9]))
+    assert two.plain_sigma[0] == pytest.approx(np.sqrt(2.0 * 2.0 * (4.0 / 9.0) ** 2))
+    one = robust_mean(np.array([[1.0]]), np.zeros(1, dtype=np.int64))
+    assert np.isnan([one.plain_sigma[0], one.robust_sigma[0]]).all()
+
+
 @given(st.floats(-100, 100), st.floats(0.1, 10), st.integers(0, 1000))
 def test_the_robust_mean_follows_shift_and_scale(shift: float, scale: float, seed: int) -> None:
     values = stats.t.rvs(2, size=(40, 2), random_state=seed)
