@@ -198,6 +198,7 @@ def test_two_strips_of_another_mounting_have_at_least_the_scatter_of_the_others(
     np.testing.assert_array_equal(other.freedom, 11)
     np.testing.assert_array_equal(result.main.freedom, 11)
     np.testing.assert_array_equal(result.main.sigma, result.main.mean.robust_sigma)
+    assert two_step_calibration(flown(headings_deg=(0, 180, 0, 180, 0)), RULE).mountings.tested
 
 
 def test_one_strip_alone_has_the_scatter_of_its_exposures_and_the_errors_of_the_adjustment() -> None:
