@@ -19,10 +19,10 @@ from adjust.calibration.two_step import GroupMean, TwoStep, two_step_calibration
 from tests.adjust.calibration.strips_flown import RULE
 from tests.adjust.calibration.test_two_step import flown
 
-#: Strips of three days: the camera is remounted on the second, and for the first line of the third.
-FLIGHT = np.repeat([0, 1, 2], [8, 4, 7])
-MOUNTING = np.where((FLIGHT == 1) | (np.arange(19) == 12), 1, 0)
-#: That line alone is flown to the north-east.
+#: Strips of three days; on the second the camera is remounted, and before the last line put back as it was.
+FLIGHT = np.repeat([0, 1, 2], [8, 6, 5])
+MOUNTING = np.isin(np.arange(19), [9, 10, 11, 12]).astype(np.int64)
+#: Line 12 alone is flown to the north-east.
 DIRECTION = np.where(np.arange(19) == 12, 45, np.array([0, 180, 90, 270] * 5)[:19])
 #: The last four lines are flown low.
 LOW = np.arange(19) >= 15
@@ -73,8 +73,8 @@ def chosen(differences: OrientationDifferences) -> dict[tuple[str, int], tuple[i
         ("mounting", 0): (0, main),
         ("mounting", 1): (1, ~main),
         ("flight", 0): (0, flight == 0),
-        ("flight", 1): (1, flight == 1),
-        ("flight", 2): (0, (flight == 2) & main),
+        ("flight", 1): (1, (flight == 1) & ~main),
+        ("flight", 2): (0, flight == 2),
         **{("heading", k): (0, main & (direction == 90 * k - 90 * (k > 0))) for k in (0, 2, 3, 4)},
         ("height", 0): (0, main & LOW[row]),
         ("height", 1): (0, main & ~LOW[row]),
@@ -126,7 +126,7 @@ def test_every_group_is_the_mean_of_its_own_exposures(errors: StripErrors, with_
             of_few = scattered(group, result)
             larger = of_few > sigma[:, 0]
             assert larger.any()
-            sigma[larger] = np.column_stack([of_few, np.full(9, 13.0)])[larger]
+            sigma[larger] = np.column_stack([of_few, np.full(9, 14.0)])[larger]
         np.testing.assert_allclose(np.column_stack([group.sigma, group.freedom]), sigma, rtol=1e-9)
 
 
