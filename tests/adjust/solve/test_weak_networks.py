@@ -16,6 +16,7 @@ from adjust.observations.gnss_position import GnssPositions
 from adjust.options import AdjustmentOptions
 from adjust.parameters import InnerConstraints, State
 from adjust.solve.design_matrix import design_matrix
+from adjust.solve.gauss_newton import Iteration
 from adjust.solve.normal_equations import reduced_normals
 from adjust.solve.step import Step
 from adjust.solve.system import System
@@ -93,8 +94,11 @@ def lowest(system: System, state: State) -> float:
 )
 def test_a_block_that_may_turn_by_degrees_or_stretch_by_parts_is_found(seed: int, expected: float) -> None:
     scene, constrained = random_network(seed)
-    found = estimate_block(scene.block, scene.observations, AdjustmentOptions(free_network=constrained))
+    options, seen = AdjustmentOptions(free_network=constrained), list[Iteration]()
+    found = estimate_block(scene.block, scene.observations, options, seen.append)
     assert found.weighted_squares == pytest.approx(expected, rel=1e-6)
+    # Steps that did not arrive come before those of the block as a whole.
+    assert tuple(seen[-len(found.iterations) :]) == found.iterations
     system = System.of(scene.block, scene.observations, inner_constraints=constrained)
     assert lowest(system, found.state) > found.weighted_squares - 1e-3
 
