@@ -248,5 +248,5 @@ def test_without_leave_to_end_early_it_goes_on() -> None:
     assert end.weighted_squares < early.weighted_squares
     assert end.weighted_squares == pytest.approx(weighted_squares(system, end.state))
     # Short steps that hardly lower vᵀPv are the end of any iteration.
-    calm = system_of(two_strips(noise_seed=1, start_seed=2))
+    calm = system_of(two_strips(noise_seed=2, start_seed=7))
     assert not converge(calm, calm.block.approximate_state(), 20, may_stall=True).stalled
