@@ -44,8 +44,8 @@ from flows.server.roots import (
     registry_of_runner,
 )
 from flows.server.run_form import RunForm
+from flows.serving.last_reports import reported_for_a_while
 from flows.serving.registered import identity, show, state_of
-from flows.serving.telling import told_for_a_while
 from tasks.errors import AerocalError, InputError
 from tasks.files.installation import InstallationError
 from tasks.production.records import configured_records
@@ -53,9 +53,9 @@ from tasks.results.retention import KEEP_DAYS
 from tasks.settings.registry import registry_address
 
 _HOUR_S = 3600
-#: How long a run that has ended tries to tell a server that does not answer, s. Prefect repeats a request
+#: How long a run that has ended reports to a server that does not answer, s. Prefect repeats a request
 #: after 2, 4, 8, … s, each up to a fifth shorter; after the last one it would report what is done as failed.
-TELLING_S = 0.75 * (2.0 ** (get_current_settings().client.max_retries + 1) - 2.0)
+REPORTING_S = 0.75 * (2.0 ** (get_current_settings().client.max_retries + 1) - 2.0)
 _log = logging.getLogger("aerocal")
 
 ProjectParameter = Annotated[str, Field(min_length=1, max_length=1000)]
@@ -118,7 +118,7 @@ def _confined(
         out = roots.output_folder(file, output)
         address = configured_results(file, output, roots)
         request = requested(file, out, settings.overrides(), roots=roots.folders, address=address)
-        with told_for_a_while(TELLING_S):
+        with reported_for_a_while(REPORTING_S):
             outcome = carry_out_recorded(story_named(story), request, identity())
     except (InputError, InstallationError) as error:
         run = refused_run(about, state_name(error), str(error), identity())
@@ -137,7 +137,7 @@ def _failed(error: AerocalError) -> State[None]:
 def _search(about: str, search: Callable[[], Sequence[str]]) -> State[None]:
     """A run that is of no project: its sentences; nobody would hear of its failure otherwise."""
     try:
-        with told_for_a_while(TELLING_S):
+        with reported_for_a_while(REPORTING_S):
             sentences = search()
     except (InputError, InstallationError) as error:
         tell_without_record(identity(), about, state_name(error), str(error))

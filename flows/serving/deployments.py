@@ -23,7 +23,7 @@ from flows.server.settings import Settings, settings_of_runner
 from flows.serving.deployed import STORIES, clean_up, inbox, recalibration_due
 from flows.serving.fork import ForkingStarter
 from flows.serving.readable import Readable
-from flows.serving.served_places import ServedPlaces, places_of, told, told_by
+from flows.serving.served_places import ServedPlaces, places_in, places_of, schema_of
 
 from prefect.client.orchestration import PrefectClient, get_client  # isort: skip
 from prefect import Flow  # isort: skip
@@ -94,7 +94,7 @@ class DrainingRunner(Runner):
     async def _folders(self) -> dict[UUID, tuple[Path, ...]]:
         """By deployment, the folders that its server takes relative paths from."""
         found = await self._client.read_deployments(deployment_filter=_ours())
-        places = {one.id: told_by(one.parameter_openapi_schema) for one in found}
+        places = {one.id: places_in(one.parameter_openapi_schema) for one in found}
         return {one: place.folders for one, place in places.items() if place is not None}
 
     def handle_sigterm(self, *_args: Any, **_kwargs: Any) -> None:
@@ -158,7 +158,7 @@ def _of(places: ServedPlaces, story: Any, name: str, description: str, **more: A
     made._parameter_openapi_schema = _ClosedSchema(
         **schema.model_dump(exclude_unset=True),
         additionalProperties=False,
-        **told(places),
+        **schema_of(places),
     )
     return made
 

@@ -114,7 +114,7 @@ def run_and_report(request: RunRequest, name: str, story: Callable[[], Story]) -
         state = made(str(file), out, list(request.overrides), data, return_state=True)
     except httpx.HTTPError as error:
         server = configured_api().url
-        _tell_no_more()
+        _send_no_more()
         if failed:
             raise failed[0] from None
         if not ended:
@@ -127,7 +127,7 @@ def run_and_report(request: RunRequest, name: str, story: Callable[[], Story]) -
     return ended[0]
 
 
-def _tell_no_more() -> None:
+def _send_no_more() -> None:
     """Try only once to send the events that still wait, each of which would take Prefect seconds."""
     for name in ("prefect.events.clients", "prefect._internal.concurrency"):
         logging.getLogger(name).disabled = True

@@ -45,7 +45,7 @@ from flows.server.state_file import (
     write_state,
 )
 from flows.server.watch import Repeated, Watch
-from flows.serving.served_places import places_of, require_same, told_by
+from flows.serving.served_places import places_in, places_of, require_same
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError, writing_into
 from tasks.plain_text import visible
@@ -351,10 +351,10 @@ def run_further_runner(server: str | None, settings: Settings, say: Say) -> int:
 
 
 def _require_same_places(url: str, settings: Settings) -> None:
-    """Make sure that the server has told no other places; it may not have told any yet."""
+    """Make sure that the server states no other places; it may not state any yet."""
     api = Api(url, os.environ.get(CLIENT_PASSWORD))
     deployment = api.get(f"/deployments/name/{settings.story}/{MANUAL}")
-    places = None if deployment is None else told_by(deployment.get("parameter_openapi_schema"))
+    places = None if deployment is None else places_in(deployment.get("parameter_openapi_schema"))
     if places is not None:
         require_same(places_of(settings), places)
 

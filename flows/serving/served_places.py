@@ -1,4 +1,4 @@
-"""The places of a server, which its deployments tell further runners: folders, registry, results.
+"""The places of a server, which its deployments state to further runners: folders, registry, results.
 
 A relative path is that of the first of the folders that has it. A run that needs a calibration from the
 registry is wrong input without one, and results that nobody stores on object storage are missed there.
@@ -45,13 +45,13 @@ def places_of(settings: Settings) -> ServedPlaces:
     return ServedPlaces(settings.roots.folders, settings.registry is not None, results)
 
 
-def told(places: ServedPlaces) -> dict[str, Any]:
-    """What a deployment has in the schema of its parameters."""
+def schema_of(places: ServedPlaces) -> dict[str, Any]:
+    """What a deployment states of them in the schema of its parameters."""
     return {_KEY: _PLACES.dump_python(places, mode="json")}
 
 
-def told_by(schema: Mapping[str, Any] | None) -> ServedPlaces | None:
-    """The places that the schema of a deployment tells; None: that of an older server."""
+def places_in(schema: Mapping[str, Any] | None) -> ServedPlaces | None:
+    """The places that the schema of a deployment states; None: that of an older server."""
     try:
         return _PLACES.validate_python((schema or {}).get(_KEY))
     except ValidationError:

@@ -52,7 +52,7 @@ def test_every_deployment_refuses_unknown_parameters_and_tells_the_places_of_its
     from flows.server.roots import Roots
     from flows.server.settings import Settings
     from flows.serving.deployments import deployments
-    from flows.serving.served_places import places_of, told_by
+    from flows.serving.served_places import places_in, places_of
 
     roots = Roots((Path("/data/b"), Path("/data/a")))
     settings = Settings(roots, Path(), inbox=Path(), recalibration_cron="0 6 * * 1", keep_days=9)
@@ -62,7 +62,7 @@ def test_every_deployment_refuses_unknown_parameters_and_tells_the_places_of_its
         schema = one._parameter_openapi_schema.model_dump(mode="json", exclude_unset=True)
         assert (schema["additionalProperties"], one.enforce_parameter_schema) == (False, True), one.name
         # For further runners.
-        assert told_by(schema) == places_of(settings)
+        assert places_in(schema) == places_of(settings)
 
 
 @pytest.mark.parametrize(

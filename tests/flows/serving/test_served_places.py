@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from flows.serving.served_places import ServedPlaces, require_same, told, told_by
+from flows.serving.served_places import ServedPlaces, places_in, require_same, schema_of
 from tasks.errors import InputError
 
 SERVER = ServedPlaces((Path("/data"),), registry=True, results="s3://bucket/results")
 
 
 def test_what_a_deployment_tells_is_what_was_meant() -> None:
-    assert told_by({"properties": {}} | told(SERVER)) == SERVER
+    assert places_in({"properties": {}} | schema_of(SERVER)) == SERVER
     for older in (None, {}, {"of_server": 3}, {"of_server": {"folders": 3}}):
-        assert told_by(older) is None  # type: ignore[arg-type]
+        assert places_in(older) is None  # type: ignore[arg-type]
 
 
 def test_folders_may_differ() -> None:

@@ -12,14 +12,14 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import pytest
 
 from flows.server.settings import SETTINGS_VARIABLE
-from flows.serving.telling import told_for_a_while
+from flows.serving.last_reports import reported_for_a_while
 from tests.conftest import Start
 
 #: Ends its work, and then waits for ever, as a program does whose requests nobody answers.
 _RUN = """
 import threading
-from flows.serving.telling import told_for_a_while
-with told_for_a_while({seconds}):
+from flows.serving.last_reports import reported_for_a_while
+with reported_for_a_while({seconds}):
     pass
 print("done", flush=True)
 threading.Event().wait({rest})
@@ -86,7 +86,7 @@ def test_other_processes_are_left_alone(monkeypatch: pytest.MonkeyPatch, variabl
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(variable, "of-a-command-or-a-worker")
     before = threading.active_count()
-    with told_for_a_while(0.0):
+    with reported_for_a_while(0.0):
         pass
     assert threading.active_count() == before
 
@@ -94,8 +94,8 @@ def test_other_processes_are_left_alone(monkeypatch: pytest.MonkeyPatch, variabl
 def test_it_ends_before_prefect_would_report_a_failure() -> None:
     from prefect.settings import get_current_settings
 
-    from flows.serving.deployed import TELLING_S
+    from flows.serving.deployed import REPORTING_S
 
     settings = get_current_settings().client
     pauses = (2.0**number for number in range(1, settings.max_retries + 1))
-    assert 10.0 < TELLING_S < (1.0 - settings.retry_jitter_factor) * sum(pauses)
+    assert 10.0 < REPORTING_S < (1.0 - settings.retry_jitter_factor) * sum(pauses)

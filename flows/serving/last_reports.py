@@ -1,8 +1,8 @@
-"""How long a run that has ended tells its server: as long as it answers, or a while.
+"""How long a run that has ended reports to its server: as long as it answers, or a while.
 
 Prefect repeats each request and each event for one to two minutes, one after the other; a run of many stages
-goes on for hours when its server has another address now. Nothing is lost with what is not told: how the run
-ended is on record, and the server hears of it from there (`flows.server.watch`).
+goes on for hours when its server has another address now. Nothing is lost with what is not reported: how the
+run ended is on record, and the server hears of it from there (`flows.server.watch`).
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _LOOK_S = 2.0
 
 
 @contextmanager
-def told_for_a_while(seconds: float) -> Iterator[None]:
-    """Carry out what is told afterwards; the process of a run then ends if its server does not answer.
+def reported_for_a_while(seconds: float) -> Iterator[None]:
+    """Carry out what is reported afterwards; the process of a run then ends if its server does not answer.
 
     Any other process (of a command, of a test) goes on.
 
