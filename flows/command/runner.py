@@ -68,7 +68,7 @@ def runner(
 
     def carry_out() -> int:
         from flows.server.settings import settings_of
-        from flows.serving.serve import run_further_runner
+        from flows.serving.further_runner import run_further_runner
 
         return run_further_runner(given.pop("server"), settings_of(given), say)
 

@@ -25,7 +25,7 @@ from flows.server.state_file import (
     the_only_server,
     write_state,
 )
-from flows.serving.serve import work_for
+from flows.serving.further_runner import work_for
 from tasks.errors import InputError
 from tasks.files.installation import InstallationError
 from tests.ports import free_port
